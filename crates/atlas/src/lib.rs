@@ -1,0 +1,1 @@
+//! Implicit manifolds: charts, exponential and logarithmic maps, continuation, atlases.

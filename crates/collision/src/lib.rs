@@ -1,0 +1,1 @@
+//! Shapes, clearances with witness points and normals, swept checks.

@@ -1,0 +1,1 @@
+//! Stable, collision-free configurations of tensegrity structures.

@@ -1,0 +1,1 @@
+//! Files that other tools open: path files, MCAP logs, pictures.

@@ -1,0 +1,1 @@
+//! Linear-actuator (truss) robots: rigidity, kinematics, locomotion and motion primitives.

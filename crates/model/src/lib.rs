@@ -1,0 +1,1 @@
+//! What a tensegrity is: structure, problem files, statics and its equilibrium manifold.

@@ -1,0 +1,1 @@
+//! Numerical optimisation: quasi-Newton methods, penalty method, least squares, sparse SQP.

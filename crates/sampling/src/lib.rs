@@ -1,0 +1,1 @@
+//! Sampling-based planners over implicit manifolds.

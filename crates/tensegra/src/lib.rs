@@ -1,0 +1,1 @@
+//! Motion planning of tensegrity structures and truss robots.
