@@ -1,0 +1,126 @@
+//! A planning problem: structure, environment, start, goal and settings.
+
+use std::path::PathBuf;
+
+use nalgebra::Point3;
+
+use crate::{environment::Environment, structure::Structure};
+
+/// The coordinates in which the equilibrium manifold is described.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Formulation {
+    /// Node coordinates and force densities; everything that has a closed form
+    /// is eliminated. Compact and fast.
+    #[default]
+    Nodes,
+    /// Unit directions, lengths, rest lengths and forces, as in Porta and
+    /// Hernández-Juan (2016).
+    Directions,
+}
+
+/// Which planner to run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum PlannerKind {
+    /// AtlasRRT with one tree from the start and one from the goal.
+    #[default]
+    TwoTrees,
+    /// AtlasRRT with one tree from the start.
+    OneTree,
+}
+
+/// Radius ρ_s of the ball around a chart's centre from which samples are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum SamplingRadius {
+    /// The planner's own choice (the dimension k of the manifold in the paper).
+    #[default]
+    Automatic,
+    /// A given radius.
+    Fixed(f64),
+    /// A radius for each chart that grows with success and shrinks with failure
+    /// (Porta and Jaillet, 2014).
+    Adaptive,
+}
+
+/// Parameters of planning; the defaults are those of Porta and Hernández-Juan (2016).
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct PlannerSettings {
+    /// Which planner to run.
+    pub planner: PlannerKind,
+    /// Coordinates of the manifold.
+    pub formulation: Formulation,
+    /// Residual below which the equations hold.
+    pub tolerance: f64,
+    /// Radius ρ of a chart.
+    pub chart_radius: f64,
+    /// Largest distance ε between a chart and the manifold.
+    pub chart_error: f64,
+    /// Largest relative shortening of a step in tangent space against the step
+    /// on the manifold (CE).
+    pub curvature: f64,
+    /// Step δ of a branch.
+    pub step: f64,
+    /// Radius from which samples are drawn.
+    pub sampling_radius: SamplingRadius,
+    /// Newton iterations after which a projection is given up.
+    pub max_newton_iterations: usize,
+    /// Charts after which planning is given up.
+    pub max_charts: usize,
+    /// Tree nodes after which planning is given up.
+    pub max_nodes: usize,
+    /// CPU seconds after which planning is given up.
+    pub time_limit: f64,
+    /// Dimension k of the manifold, where the file states it: checked against
+    /// the one found.
+    pub expected_dimension: Option<usize>,
+}
+
+impl Default for PlannerSettings {
+    fn default() -> Self {
+        Self {
+            planner: PlannerKind::default(),
+            formulation: Formulation::default(),
+            tolerance: 1e-9,
+            chart_radius: 0.4,
+            chart_error: 0.1,
+            curvature: 0.1,
+            step: 0.05,
+            sampling_radius: SamplingRadius::default(),
+            max_newton_iterations: 50,
+            max_charts: 150_000,
+            max_nodes: 250_000,
+            time_limit: 600.0,
+            expected_dimension: None,
+        }
+    }
+}
+
+/// A start or goal as a file states it, before it is refined onto the manifold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Endpoint {
+    /// Position of every node.
+    pub positions: Vec<Point3<f64>>,
+    /// Force of every element, where stated.
+    pub forces: Vec<Option<f64>>,
+}
+
+/// A planning problem.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    /// Name, for reports and folders of results.
+    pub name: String,
+    /// The file it was read from.
+    pub source: Option<PathBuf>,
+    /// The structure.
+    pub structure: Structure,
+    /// Obstacles and collision pairs.
+    pub environment: Environment,
+    /// Where the motion starts.
+    pub start: Option<Endpoint>,
+    /// Where it ends.
+    pub goal: Option<Endpoint>,
+    /// Parameters of planning.
+    pub settings: PlannerSettings,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
