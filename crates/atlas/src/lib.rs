@@ -2,8 +2,22 @@
 //! logarithmic maps, continuation.
 //!
 //! Nothing here knows of structures or robots: anything with equations, a
-//! sparse Jacobian and ranges can be explored.
+//! sparse Jacobian and ranges can be explored. Implement [`ImplicitManifold`],
+//! put a point on it with [`project`], ask for its [`dimension`], and build
+//! [`Chart`]s or a whole [`Atlas`].
 
+mod atlas;
+mod chart;
+pub mod doc;
+mod error;
 mod manifold;
+mod newton;
+mod qr;
+mod validity;
 
+pub use atlas::{Atlas, ChartDomain, Cut};
+pub use chart::{Chart, ProjectionFailed, Workspace};
+pub use error::ManifoldError;
 pub use manifold::{ImplicitManifold, SparseRow, SparsityPattern};
+pub use newton::{dimension, project};
+pub use validity::{Everywhere, Obstruction, Predicate, Validity};

@@ -1,0 +1,211 @@
+//! Atlases: sets of charts whose domains are coordinated.
+//!
+//! The domain of a chart is a ball of radius ρ cut by half-spaces, one for each
+//! neighbouring chart: 2 tᵀ t_j ≤ |t_j|², with t_j the neighbour's centre in
+//! the coordinates of the chart (Porta and Hernández-Juan 2016, figure 4).
+//! Adding a chart costs one chart and a scan over the centres.
+
+use crate::{
+    chart::{Chart, ProjectionFailed, Workspace},
+    error::ManifoldError,
+    manifold::ImplicitManifold,
+    qr::dot,
+};
+
+/// How far a chart reaches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChartDomain {
+    /// Radius ρ of a chart in tangent coordinates.
+    pub radius: f64,
+    /// Largest distance ε between tangent space and manifold.
+    pub error: f64,
+    /// A step in tangent space must be at least this fraction of the step on
+    /// the manifold (1 − CE; cos α in the paper).
+    pub cosine: f64,
+}
+
+impl Default for ChartDomain {
+    fn default() -> Self {
+        Self {
+            radius: 0.4,
+            error: 0.1,
+            cosine: 0.9,
+        }
+    }
+}
+
+/// A half-space of tangent coordinates, tᵀ normal ≤ offset, beyond which the
+/// neighbour's chart takes over.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cut {
+    /// The neighbour's centre in tangent coordinates, t_j.
+    pub normal: Vec<f64>,
+    /// |t_j|² / 2.
+    pub offset: f64,
+    /// The neighbour.
+    pub neighbour: usize,
+}
+
+/// A set of charts.
+#[derive(Clone, Debug)]
+pub struct Atlas {
+    domain: ChartDomain,
+    dimension: usize,
+    charts: Vec<Chart>,
+    cuts: Vec<Vec<Cut>>,
+}
+
+impl Atlas {
+    /// An atlas without charts, for a manifold of the given dimension k.
+    pub fn new(dimension: usize, domain: ChartDomain) -> Self {
+        Self {
+            domain,
+            dimension,
+            charts: Vec::new(),
+            cuts: Vec::new(),
+        }
+    }
+
+    /// Dimension k of the manifold.
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// How far charts reach.
+    pub fn domain(&self) -> ChartDomain {
+        self.domain
+    }
+
+    /// Number of charts.
+    pub fn len(&self) -> usize {
+        self.charts.len()
+    }
+
+    /// Whether there is no chart yet.
+    pub fn is_empty(&self) -> bool {
+        self.charts.is_empty()
+    }
+
+    /// The chart with the given index.
+    pub fn chart(&self, index: usize) -> &Chart {
+        &self.charts[index]
+    }
+
+    /// The half-spaces that bound a chart against its neighbours.
+    pub fn cuts(&self, index: usize) -> &[Cut] {
+        &self.cuts[index]
+    }
+
+    /// Adds a chart at a point of the manifold and cuts its domain and those of
+    /// its neighbours against each other. Returns its index.
+    ///
+    /// Neighbours are charts whose centres lie within 2ρ of each other in both
+    /// tangent spaces and within 2ε of them, so that other sheets of the
+    /// manifold that pass nearby do not count.
+    ///
+    /// # Errors
+    /// [`ManifoldError::Singular`] at a singular point.
+    pub fn add<M: ImplicitManifold + ?Sized>(
+        &mut self,
+        manifold: &M,
+        center: &[f64],
+        work: &mut Workspace,
+    ) -> Result<usize, ManifoldError> {
+        let chart = Chart::new(manifold, center, self.dimension, work)?;
+        let index = self.charts.len();
+        let reach = 4.0 * (self.domain.radius.powi(2) + self.domain.error.powi(2));
+        let mut cuts = Vec::new();
+        for (j, other) in self.charts.iter().enumerate() {
+            let distance = squared_distance(center, other.center());
+            if distance >= reach || distance == 0.0 {
+                continue;
+            }
+            let cut = self.cut(&chart, other.center(), distance, j);
+            let opposite = self.cut(other, center, distance, index);
+            if let (Some(cut), Some(opposite)) = (cut, opposite) {
+                cuts.push(cut);
+                self.cuts[j].push(opposite);
+            }
+        }
+        self.charts.push(chart);
+        self.cuts.push(cuts);
+        Ok(index)
+    }
+
+    /// The half-space that bounds `chart` against a neighbour centred at `center`.
+    fn cut(&self, chart: &Chart, center: &[f64], distance: f64, neighbour: usize) -> Option<Cut> {
+        let mut normal = vec![0.0; self.dimension];
+        chart.log(center, &mut normal);
+        let length = dot(&normal, &normal);
+        let near = length < 4.0 * self.domain.radius.powi(2)
+            && distance - length <= 4.0 * self.domain.error.powi(2);
+        near.then(|| Cut {
+            offset: 0.5 * length,
+            normal,
+            neighbour,
+        })
+    }
+
+    /// Whether tangent coordinates lie within the half-spaces of a chart.
+    pub fn inside_cuts(&self, index: usize, t: &[f64]) -> bool {
+        self.cuts[index]
+            .iter()
+            .all(|cut| dot(&cut.normal, t) <= cut.offset)
+    }
+
+    /// The neighbour whose half-space the tangent coordinates violate the most.
+    pub fn crossed_into(&self, index: usize, t: &[f64]) -> Option<usize> {
+        let mut worst = (0.0, None);
+        for cut in &self.cuts[index] {
+            let excess = dot(&cut.normal, t) - cut.offset;
+            if excess > worst.0 {
+                worst = (excess, Some(cut.neighbour));
+            }
+        }
+        worst.1
+    }
+
+    /// Whether the chart represents the point x of the manifold well: within ρ
+    /// in tangent coordinates `t` and within ε of the tangent space.
+    pub fn represents(&self, index: usize, x: &[f64], t: &[f64]) -> bool {
+        let length = dot(t, t);
+        length <= self.domain.radius.powi(2)
+            && squared_distance(x, self.charts[index].center()) - length
+                <= self.domain.error.powi(2)
+    }
+
+    /// Exponential map of a chart; see [`Chart::exp`].
+    ///
+    /// # Errors
+    /// As [`Chart::exp`].
+    pub fn exp<M: ImplicitManifold + ?Sized>(
+        &self,
+        manifold: &M,
+        index: usize,
+        t: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Workspace,
+    ) -> Result<(), ProjectionFailed> {
+        self.charts[index].exp(manifold, t, x, tolerance, work)
+    }
+}
+
+/// |a − b|².
+pub(crate) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a4
+        .remainder()
+        .iter()
+        .zip(b4.remainder())
+        .map(|(x, y)| (x - y) * (x - y))
+        .sum();
+    for (x, y) in a4.zip(b4) {
+        for i in 0..4 {
+            let d = x[i] - y[i];
+            sums[i] += d * d;
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}

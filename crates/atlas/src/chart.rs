@@ -1,0 +1,400 @@
+//! Charts: local parametrisations of the manifold by its tangent space.
+//!
+//! A chart at x_c maps tangent coordinates t ∈ ℝᵏ to the point of the manifold
+//! that projects orthogonally onto x_c + Φ t (the exponential map ψ), and back
+//! by t = Φᵀ (x − x_c) (the logarithmic map ψ⁻¹): Porta and Hernández-Juan
+//! (2016), eqs. (10)–(14).
+//!
+//! The exponential map solves F(x) = 0 with x − x_c − Φ t in the normal space at
+//! the centre. It keeps the triangle R of the factorisation at the centre and
+//! iterates x ← x − Jᵀ R⁻¹ R⁻ᵀ F(x) on independent rows: a residual, two
+//! triangular solves and a sparse product an iteration (r² multiplications),
+//! linearly convergent; where that contracts poorly it falls back to Newton's
+//! method in the same normal space.
+
+use crate::{
+    error::ManifoldError,
+    manifold::ImplicitManifold,
+    qr::{PivotedQr, axpy, dot},
+};
+
+/// Rank is lost when the last pivot is below this fraction of the first.
+pub(crate) const SINGULAR_PIVOT: f64 = 1e-7;
+
+/// Contraction of the residual that a chord iteration must at least achieve.
+const POOR_CONTRACTION: f64 = 0.7;
+
+/// Memory that the operations of charts share; one for each thread.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    pub(crate) qr: PivotedQr,
+    residual: Vec<f64>,
+    reduced: Vec<f64>,
+    jacobian: Vec<f64>,
+    newton: Vec<f64>,
+    saved: Vec<f64>,
+    /// Chord iterations made so far.
+    pub chord_iterations: usize,
+    /// Newton iterations made so far.
+    pub newton_iterations: usize,
+    /// Projections made so far.
+    pub projections: usize,
+}
+
+/// Why the exponential map has no value.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the projection onto the manifold stopped at a residual of {residual:.3e}")]
+pub struct ProjectionFailed {
+    /// Largest residual reached.
+    pub residual: f64,
+}
+
+/// A local parametrisation about a point of the manifold.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    center: Vec<f64>,
+    /// Φ, one tangent vector after the other.
+    basis: Vec<f64>,
+    /// Φ, one variable after the other.
+    basis_by_variable: Vec<f64>,
+    dimension: usize,
+    /// Independent equations.
+    rows: Vec<u32>,
+    /// R of the transposed independent rows, packed by columns.
+    triangle: Vec<f64>,
+    /// Jacobian at the centre, in the order of the manifold's pattern.
+    jacobian: Vec<f64>,
+}
+
+impl Chart {
+    /// The chart about the point `center` of a manifold of dimension `dimension`.
+    ///
+    /// Cost: one Jacobian and one pivoted QR.
+    ///
+    /// # Errors
+    /// [`ManifoldError::Singular`] where the rank of the Jacobian is smaller
+    /// than it should be.
+    pub fn new<M: ImplicitManifold + ?Sized>(
+        manifold: &M,
+        center: &[f64],
+        dimension: usize,
+        work: &mut Workspace,
+    ) -> Result<Self, ManifoldError> {
+        let m = manifold.ambient_dimension();
+        let pattern = manifold.jacobian_pattern();
+        let expected = m - dimension;
+        let mut jacobian = vec![0.0; pattern.len()];
+        manifold.jacobian(center, &mut jacobian);
+        let qr = &mut work.qr;
+        let rank = qr.factorise(pattern, &jacobian, expected, SINGULAR_PIVOT);
+        if rank < expected {
+            return Err(ManifoldError::Singular {
+                rank,
+                expected,
+                pivot_ratio: qr.rest_ratio(),
+            });
+        }
+        let mut basis = Vec::with_capacity(m * dimension);
+        qr.write_null_basis(&mut basis);
+        let mut basis_by_variable = vec![0.0; m * dimension];
+        for (j, vector) in basis.chunks_exact(m).enumerate() {
+            for (i, &v) in vector.iter().enumerate() {
+                basis_by_variable[i * dimension + j] = v;
+            }
+        }
+        let mut triangle = Vec::with_capacity(rank * (rank + 1) / 2);
+        qr.write_triangle(&mut triangle);
+        Ok(Self {
+            center: center.to_vec(),
+            basis,
+            basis_by_variable,
+            dimension,
+            rows: qr.independent_rows().iter().map(|&r| r as u32).collect(),
+            triangle,
+            jacobian,
+        })
+    }
+
+    /// The point x_c of the manifold that the chart is built at (m values).
+    pub fn center(&self) -> &[f64] {
+        &self.center
+    }
+
+    /// Dimension k of the manifold.
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// The j-th vector of the orthonormal tangent basis Φ (m values).
+    pub fn tangent(&self, j: usize) -> &[f64] {
+        let m = self.center.len();
+        &self.basis[j * m..(j + 1) * m]
+    }
+
+    /// The row of Φ that belongs to one variable (k values): the tangent
+    /// coordinates of that variable's gradient.
+    pub fn variable(&self, variable: usize) -> &[f64] {
+        &self.basis_by_variable[variable * self.dimension..(variable + 1) * self.dimension]
+    }
+
+    /// Logarithmic map: tangent coordinates t = Φᵀ (x − x_c). Cost: k m.
+    pub fn log(&self, x: &[f64], t: &mut [f64]) {
+        for (t, vector) in t.iter_mut().zip(self.basis.chunks_exact(self.center.len())) {
+            *t = dot(vector, x) - dot(vector, &self.center);
+        }
+    }
+
+    /// The point x_c + Φ t of the tangent space. Cost: k m.
+    pub fn tangent_point(&self, t: &[f64], x: &mut [f64]) {
+        x.copy_from_slice(&self.center);
+        for (&t, vector) in t.iter().zip(self.basis.chunks_exact(self.center.len())) {
+            axpy(t, vector, x);
+        }
+    }
+
+    /// Exponential map: the point of the manifold with tangent coordinates t.
+    ///
+    /// # Errors
+    /// [`ProjectionFailed`] when neither chord nor Newton iterations converge to
+    /// residuals of at most `tolerance`.
+    pub fn exp<M: ImplicitManifold + ?Sized>(
+        &self,
+        manifold: &M,
+        t: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Workspace,
+    ) -> Result<(), ProjectionFailed> {
+        self.tangent_point(t, x);
+        self.retract(manifold, x, tolerance, work)
+    }
+
+    /// Moves `x` along the normal space at the centre onto the manifold: its
+    /// tangent coordinates stay. Starting from a good prediction instead of
+    /// from the tangent space saves iterations.
+    ///
+    /// # Errors
+    /// As [`Chart::exp`].
+    pub fn retract<M: ImplicitManifold + ?Sized>(
+        &self,
+        manifold: &M,
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Workspace,
+    ) -> Result<(), ProjectionFailed> {
+        work.projections += 1;
+        work.residual.resize(manifold.equation_count(), 0.0);
+        work.saved.clear();
+        work.saved.extend_from_slice(x);
+        let mut previous = f64::INFINITY;
+        let mut poor = 0;
+        loop {
+            manifold.residual(x, &mut work.residual);
+            let size = self.rows.iter().fold(0.0, |s: f64, &r| {
+                let v = work.residual[r as usize].abs();
+                if v > s || v.is_nan() { v } else { s }
+            });
+            if size <= tolerance {
+                // The dependent rows hold by themselves near the manifold; where
+                // they do not, x is a point of another set.
+                let all = crate::newton::largest(&work.residual).1;
+                return if all <= 1e3 * tolerance {
+                    Ok(())
+                } else {
+                    Err(ProjectionFailed { residual: all })
+                };
+            }
+            if size.is_nan() || size > 1e3 || size > 2.0 * previous {
+                break;
+            }
+            if size > POOR_CONTRACTION * previous {
+                poor += 1;
+                if poor > 3 {
+                    break;
+                }
+            }
+            previous = size;
+            self.chord_step(manifold, x, work);
+        }
+        x.copy_from_slice(&work.saved);
+        self.newton(manifold, x, tolerance, work)
+    }
+
+    /// x ← x − Jᵀ R⁻¹ R⁻ᵀ F with the factorisation at the centre; F is in the
+    /// workspace.
+    fn chord_step<M: ImplicitManifold + ?Sized>(
+        &self,
+        manifold: &M,
+        x: &mut [f64],
+        work: &mut Workspace,
+    ) {
+        work.chord_iterations += 1;
+        let y = &mut work.reduced;
+        y.clear();
+        y.extend(self.rows.iter().map(|&r| work.residual[r as usize]));
+        self.solve_triangles(y);
+        let pattern = manifold.jacobian_pattern();
+        for (&row, &y) in self.rows.iter().zip(y.iter()) {
+            let row = row as usize;
+            for (&c, &v) in pattern
+                .row(row)
+                .iter()
+                .zip(&self.jacobian[pattern.row_range(row)])
+            {
+                x[c] -= v * y;
+            }
+        }
+    }
+
+    /// y ← R⁻¹ R⁻ᵀ y.
+    fn solve_triangles(&self, y: &mut [f64]) {
+        let mut start = 0;
+        for j in 0..y.len() {
+            let column = &self.triangle[start..start + j + 1];
+            y[j] = (y[j] - dot(&column[..j], &y[..j])) / column[j];
+            start += j + 1;
+        }
+        for j in (0..y.len()).rev() {
+            start -= j + 1;
+            let column = &self.triangle[start..start + j + 1];
+            y[j] /= column[j];
+            let (head, tail) = y.split_at_mut(j);
+            axpy(-tail[0], &column[..j], head);
+        }
+    }
+
+    /// Newton's method for F(x) = 0 in the normal space at the centre: the
+    /// correction is Jᵀ(x_c) y with (J(x) Jᵀ(x_c)) y = −F(x) on independent rows.
+    fn newton<M: ImplicitManifold + ?Sized>(
+        &self,
+        manifold: &M,
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Workspace,
+    ) -> Result<(), ProjectionFailed> {
+        const MAX_ITERATIONS: usize = 8;
+        let pattern = manifold.jacobian_pattern();
+        let (m, r) = (x.len(), self.rows.len());
+        let mut previous = f64::INFINITY;
+        work.jacobian.resize(pattern.len(), 0.0);
+        for _ in 0..=MAX_ITERATIONS {
+            manifold.residual(x, &mut work.residual);
+            let (_, size) = crate::newton::largest(&work.residual);
+            if size <= tolerance {
+                return Ok(());
+            }
+            if size.is_nan() || size > 0.9 * previous {
+                break;
+            }
+            previous = size;
+            work.newton_iterations += 1;
+            manifold.jacobian(x, &mut work.jacobian);
+            // Column j of the matrix is J(x) applied to row j of J(x_c).
+            let matrix = &mut work.newton;
+            matrix.clear();
+            matrix.resize(r * (r + 1) + m, 0.0);
+            let (matrix, dense) = matrix.split_at_mut(r * (r + 1));
+            for (j, &row_j) in self.rows.iter().enumerate() {
+                dense.fill(0.0);
+                let range = pattern.row_range(row_j as usize);
+                for (&c, &v) in pattern
+                    .row(row_j as usize)
+                    .iter()
+                    .zip(&self.jacobian[range])
+                {
+                    dense[c] = v;
+                }
+                for (i, &row_i) in self.rows.iter().enumerate() {
+                    let range = pattern.row_range(row_i as usize);
+                    matrix[i * (r + 1) + j] = pattern
+                        .row(row_i as usize)
+                        .iter()
+                        .zip(&work.jacobian[range])
+                        .map(|(&c, &v)| v * dense[c])
+                        .sum();
+                }
+            }
+            for (i, &row) in self.rows.iter().enumerate() {
+                matrix[i * (r + 1) + r] = work.residual[row as usize];
+            }
+            if !solve_by_elimination(matrix, r) {
+                break;
+            }
+            for (j, &row) in self.rows.iter().enumerate() {
+                let y = matrix[j * (r + 1) + r];
+                let range = pattern.row_range(row as usize);
+                for (&c, &v) in pattern.row(row as usize).iter().zip(&self.jacobian[range]) {
+                    x[c] -= v * y;
+                }
+            }
+        }
+        Err(ProjectionFailed { residual: previous })
+    }
+}
+
+/// Gaussian elimination with partial pivoting on an augmented matrix of r rows
+/// and r + 1 columns; the solution replaces the last column. `false` when a
+/// pivot vanishes.
+fn solve_by_elimination(a: &mut [f64], r: usize) -> bool {
+    let w = r + 1;
+    for j in 0..r {
+        let p = (j..r)
+            .max_by(|&p, &q| a[p * w + j].abs().total_cmp(&a[q * w + j].abs()))
+            .unwrap_or(j);
+        if a[p * w + j] == 0.0 || a[p * w + j].is_nan() {
+            return false;
+        }
+        if p != j {
+            let (head, tail) = a.split_at_mut(p * w);
+            head[j * w..j * w + w].swap_with_slice(&mut tail[..w]);
+        }
+        let (head, tail) = a.split_at_mut((j + 1) * w);
+        let pivot_row = &head[j * w..];
+        for row in tail.chunks_exact_mut(w) {
+            let factor = row[j] / pivot_row[j];
+            if factor != 0.0 {
+                axpy(-factor, &pivot_row[j..], &mut row[j..]);
+            }
+        }
+    }
+    for j in (0..r).rev() {
+        let x = a[j * w + r] / a[j * w + j];
+        a[j * w + r] = x;
+        for i in 0..j {
+            a[i * w + r] -= a[i * w + j] * x;
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doc::Sphere;
+
+    #[test]
+    fn the_exponential_map_of_the_sphere_is_the_closed_form() {
+        let sphere = Sphere::new();
+        let mut work = Workspace::default();
+        let chart = Chart::new(&sphere, &[0.0, 0.0, 1.0], 2, &mut work).unwrap();
+        let mut x = [0.0; 3];
+        for t in [[0.1, 0.2], [0.3, -0.4], [0.6, 0.5], [0.0, 0.98]] {
+            chart.exp(&sphere, &t, &mut x, 1e-13, &mut work).unwrap();
+            // The point above x_c + Φ t: height √(1 − |t|²).
+            let height = (1.0 - t[0] * t[0] - t[1] * t[1]).sqrt();
+            assert!((x[2] - height).abs() < 1e-11, "{t:?}");
+            let mut back = [0.0; 2];
+            chart.log(&x, &mut back);
+            assert!((back[0] - t[0]).abs() < 1e-13 && (back[1] - t[1]).abs() < 1e-13);
+        }
+        assert!(
+            work.newton_iterations > 0,
+            "the last point needs the fallback"
+        );
+        assert!(
+            chart
+                .exp(&sphere, &[0.9, 0.9], &mut x, 1e-13, &mut work)
+                .is_err()
+        );
+    }
+}

@@ -1,0 +1,49 @@
+//! What can go wrong on a manifold.
+
+/// Why a point could not be put on the manifold or a chart could not be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ManifoldError {
+    /// The iteration towards the manifold did not converge.
+    #[error(
+        "no point of the manifold found nearby: the residual is still {residual:.3e} after \
+         {iterations} iterations (worst in equation {equation})"
+    )]
+    NotConverged {
+        /// Largest residual reached.
+        residual: f64,
+        /// Iterations made.
+        iterations: usize,
+        /// Index of the equation with the largest residual.
+        equation: usize,
+    },
+    /// The rank of the Jacobian is smaller than on the rest of the manifold.
+    #[error(
+        "the point is singular: the Jacobian has rank {rank} there instead of {expected} (last \
+         pivot ratio {pivot_ratio:.1e})"
+    )]
+    Singular {
+        /// Rank found.
+        rank: usize,
+        /// Rank expected.
+        expected: usize,
+        /// Ratio of the last pivot to the first.
+        pivot_ratio: f64,
+    },
+    /// The dimension at two points differs.
+    #[error("the manifold has dimension {first} at one point and {second} at the other")]
+    DimensionChanges {
+        /// Dimension at the first point.
+        first: usize,
+        /// Dimension at the second point.
+        second: usize,
+    },
+    /// A coordinate is not a finite number.
+    #[error("coordinate {index} of the point is {value}")]
+    NotFinite {
+        /// Index of the coordinate.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+}
