@@ -43,7 +43,8 @@ macro_rules! options {
             pub fn validate(&self) -> Result<(), $crate::OptionError> {
                 $( $(
                     let $value = self.$field;
-                    if !$check {
+                    let holds: bool = $check;
+                    if !holds {
                         return Err($crate::OptionError {
                             name: stringify!($field),
                             value: $value as f64,

@@ -4,6 +4,7 @@
 //! one point what it has computed there before (a solver asks for the derivatives at a point only
 //! after it has asked for the values there).
 
+use crate::ProblemError;
 use nalgebra::DMatrix;
 
 /// A smooth function to minimise without constraints: min f(x), x ∈ ℝⁿ.
@@ -245,5 +246,45 @@ impl TripletPattern {
     /// The entries as (row, column).
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (usize, usize)> + '_ {
         self.rows.iter().copied().zip(self.columns.iter().copied())
+    }
+}
+
+/// Checks the length of a slice against the problem's dimension.
+pub(crate) fn check_length(
+    what: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), ProblemError> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(ProblemError::WrongLength {
+            what,
+            expected,
+            found,
+        })
+    }
+}
+
+/// Checks that a pattern lies inside its matrix.
+pub(crate) fn check_pattern(
+    matrix: &'static str,
+    pattern: &TripletPattern,
+    rows: usize,
+    columns: usize,
+) -> Result<(), ProblemError> {
+    match pattern
+        .iter()
+        .position(|(row, column)| row >= rows || column >= columns)
+    {
+        None => Ok(()),
+        Some(entry) => Err(ProblemError::PatternOutOfRange {
+            matrix,
+            entry,
+            row: pattern.rows[entry],
+            column: pattern.columns[entry],
+            rows,
+            columns,
+        }),
     }
 }

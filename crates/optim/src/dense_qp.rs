@@ -1,0 +1,986 @@
+//! Strictly convex quadratic programmes with few variables, by a dual active-set method.
+//!
+//! ```text
+//! minimise    ½ xᵀ H x + gᵀ x            x ∈ ℝⁿ, H symmetric positive definite
+//! subject to  l ≤ A x ≤ u                m rows; l = u makes an equality
+//!             x_l ≤ x ≤ x_u
+//! ```
+//!
+//! Source: D. Goldfarb, A. Idnani, "A numerically stable dual method for solving strictly convex
+//! quadratic programs", Mathematical Programming 27 (1983), 1–33. The method starts from the
+//! unconstrained minimum and takes in violated constraints one after the other, each time
+//! restoring dual feasibility. It needs no feasible start, ends after finitely many steps, and
+//! proves infeasibility by a set of constraints that contradict one another. Linearly dependent
+//! and degenerate constraints are allowed.
+//!
+//! A warm start takes a guess of the active set, solves with it as equalities, and drops the
+//! constraints whose multipliers have the wrong sign; what remains is a valid starting pair of the
+//! method whatever the guess was.
+//!
+//! Cost: n³/2 for the factorisation, then O(n² + m n) for every change of the active set.
+
+use crate::kkt::KktResiduals;
+use thiserror::Error;
+
+/// A violation below this multiple of the size of the terms in a constraint is rounding.
+const VIOLATION_TOLERANCE: f64 = 1e-12;
+/// A normal whose part outside the span of the active normals is below this fraction of its
+/// length (in the norm of H⁻¹) counts as linearly dependent.
+const DEPENDENCE_TOLERANCE: f64 = 1e-10;
+/// The same for guessed constraints, which are only worth having if they do no harm.
+const GUESS_DEPENDENCE_TOLERANCE: f64 = 1e-6;
+
+/// The data of a dense, strictly convex quadratic programme:
+/// min ½ xᵀHx + gᵀx subject to l ≤ Ax ≤ u and x_l ≤ x ≤ x_u.
+///
+/// # Examples
+///
+/// The point of x₀ + x₁ = 1, x₀ ≥ 0.8 nearest to the origin:
+///
+/// ```
+/// use tensegra_optim::{DenseQp, DenseQpSolver, QpStatus};
+///
+/// let mut qp = DenseQp::new(2);
+/// qp.set_hessian(0, 0, 1.0);
+/// qp.set_hessian(1, 1, 1.0);
+/// qp.push_equality(&[1.0, 1.0], 1.0);
+/// qp.push_at_least(&[1.0, 0.0], 0.8);
+///
+/// let mut solver = DenseQpSolver::new();
+/// let report = solver.solve(&qp)?;
+/// assert_eq!(report.status, QpStatus::Solved);
+/// assert!((solver.solution()[0] - 0.8).abs() < 1e-14);
+/// assert!((solver.solution()[1] - 0.2).abs() < 1e-14);
+/// # Ok::<(), tensegra_optim::DenseQpError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct DenseQp {
+    num_variables: usize,
+    /// Row-major n × n, both triangles kept equal.
+    hessian: Vec<f64>,
+    gradient: Vec<f64>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    /// Row-major m × n.
+    rows: Vec<f64>,
+    row_lower: Vec<f64>,
+    row_upper: Vec<f64>,
+}
+
+impl DenseQp {
+    /// A programme in `num_variables` free variables with H = 0, g = 0 and no constraints. H has
+    /// to be made positive definite before it is solved.
+    #[must_use]
+    pub fn new(num_variables: usize) -> Self {
+        let mut qp = Self {
+            num_variables: 0,
+            hessian: Vec::new(),
+            gradient: Vec::new(),
+            lower: Vec::new(),
+            upper: Vec::new(),
+            rows: Vec::new(),
+            row_lower: Vec::new(),
+            row_upper: Vec::new(),
+        };
+        qp.reset(num_variables);
+        qp
+    }
+
+    /// Makes this the programme that [`new`](Self::new) returns, keeping its memory.
+    pub fn reset(&mut self, num_variables: usize) {
+        let n = num_variables;
+        self.num_variables = n;
+        refill(&mut self.hessian, n * n, 0.0);
+        refill(&mut self.gradient, n, 0.0);
+        refill(&mut self.lower, n, f64::NEG_INFINITY);
+        refill(&mut self.upper, n, f64::INFINITY);
+        self.clear_rows();
+    }
+
+    /// Removes all rows of A.
+    pub fn clear_rows(&mut self) {
+        self.rows.clear();
+        self.row_lower.clear();
+        self.row_upper.clear();
+    }
+
+    /// Number of variables n.
+    #[must_use]
+    pub fn num_variables(&self) -> usize {
+        self.num_variables
+    }
+
+    /// Number of rows m of A.
+    #[must_use]
+    pub fn num_rows(&self) -> usize {
+        self.row_lower.len()
+    }
+
+    /// Sets the entries (i, j) and (j, i) of H.
+    ///
+    /// # Panics
+    /// If i or j is not a variable.
+    pub fn set_hessian(&mut self, i: usize, j: usize, value: f64) {
+        let n = self.num_variables;
+        assert!(i < n && j < n, "no variables {i}, {j} among {n}");
+        self.hessian[i * n + j] = value;
+        self.hessian[j * n + i] = value;
+    }
+
+    /// The gradient g at the origin (length n).
+    pub fn gradient_mut(&mut self) -> &mut [f64] {
+        &mut self.gradient
+    }
+
+    /// Sets the bounds of variable j; infinite where there is none.
+    ///
+    /// # Panics
+    /// If j is not a variable.
+    pub fn set_bounds(&mut self, j: usize, lower: f64, upper: f64) {
+        self.lower[j] = lower;
+        self.upper[j] = upper;
+    }
+
+    /// Appends the row `lower` ≤ aᵀx ≤ `upper`.
+    ///
+    /// # Panics
+    /// If `normal` does not have n entries.
+    pub fn push_range(&mut self, normal: &[f64], lower: f64, upper: f64) {
+        assert_eq!(normal.len(), self.num_variables, "entries of the normal");
+        self.rows.extend_from_slice(normal);
+        self.row_lower.push(lower);
+        self.row_upper.push(upper);
+    }
+
+    /// Appends the row aᵀx = `value`.
+    ///
+    /// # Panics
+    /// If `normal` does not have n entries.
+    pub fn push_equality(&mut self, normal: &[f64], value: f64) {
+        self.push_range(normal, value, value);
+    }
+
+    /// Appends the row aᵀx ≥ `value`.
+    ///
+    /// # Panics
+    /// If `normal` does not have n entries.
+    pub fn push_at_least(&mut self, normal: &[f64], value: f64) {
+        self.push_range(normal, value, f64::INFINITY);
+    }
+
+    /// ½ xᵀHx + gᵀx.
+    ///
+    /// # Panics
+    /// If `x` does not have n entries.
+    #[must_use]
+    pub fn objective(&self, x: &[f64]) -> f64 {
+        assert_eq!(x.len(), self.num_variables, "entries of x");
+        let mut value = 0.0;
+        for (i, row) in self.hessian.chunks_exact(x.len().max(1)).enumerate() {
+            value += x[i] * (0.5 * dot(row, x) + self.gradient[i]);
+        }
+        value
+    }
+
+    /// The normal of row i.
+    fn row(&self, i: usize) -> &[f64] {
+        &self.rows[i * self.num_variables..(i + 1) * self.num_variables]
+    }
+
+    /// Overwrites the bounds of a row.
+    pub(crate) fn set_row_bounds(&mut self, i: usize, lower: f64, upper: f64) {
+        self.row_lower[i] = lower;
+        self.row_upper[i] = upper;
+    }
+
+    fn validate(&self) -> Result<(), DenseQpError> {
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        for (what, values) in [
+            ("Hessian", &self.hessian),
+            ("gradient", &self.gradient),
+            ("rows", &self.rows),
+        ] {
+            if !finite(values) {
+                return Err(DenseQpError::NotFinite { what });
+            }
+        }
+        let ordered = |l: f64, u: f64| l <= u && l < f64::INFINITY && u > f64::NEG_INFINITY;
+        for j in 0..self.num_variables {
+            if !ordered(self.lower[j], self.upper[j]) {
+                return Err(DenseQpError::ContradictoryBounds {
+                    constraint: QpConstraint::Bound(j),
+                    lower: self.lower[j],
+                    upper: self.upper[j],
+                });
+            }
+        }
+        for i in 0..self.num_rows() {
+            if !ordered(self.row_lower[i], self.row_upper[i]) {
+                return Err(DenseQpError::ContradictoryBounds {
+                    constraint: QpConstraint::Row(i),
+                    lower: self.row_lower[i],
+                    upper: self.row_upper[i],
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A constraint of a [`DenseQp`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum QpConstraint {
+    /// The bounds of a variable.
+    Bound(usize),
+    /// A row of A.
+    Row(usize),
+}
+
+/// Which bound of a constraint holds with equality.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The lower bound.
+    Lower,
+    /// The upper bound.
+    Upper,
+}
+
+/// A constraint that holds with equality at the solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ActiveConstraint {
+    /// The constraint.
+    pub constraint: QpConstraint,
+    /// The bound it is held at; for an equality, the side that it was reached from.
+    pub side: Side,
+}
+
+/// Why a [`DenseQp`] cannot be solved.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[non_exhaustive]
+pub enum DenseQpError {
+    /// H is not positive definite to working precision.
+    #[error(
+        "the Hessian is not positive definite (pivot {pivot} is {value:e}): add a positive multiple of the identity"
+    )]
+    NotPositiveDefinite {
+        /// The row at which the Cholesky factorisation broke down.
+        pivot: usize,
+        /// The pivot found there.
+        value: f64,
+    },
+    /// The data hold a NaN or an infinity.
+    #[error("the {what} of the quadratic programme hold a value that is not finite")]
+    NotFinite {
+        /// The part of the data concerned.
+        what: &'static str,
+    },
+    /// A lower bound above its upper bound, NaN, or an infinity of the wrong sign.
+    #[error("{constraint:?} has the bounds [{lower}, {upper}], which no value meets")]
+    ContradictoryBounds {
+        /// The constraint.
+        constraint: QpConstraint,
+        /// Its lower bound.
+        lower: f64,
+        /// Its upper bound.
+        upper: f64,
+    },
+}
+
+/// Why [`DenseQpSolver::solve`] ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum QpStatus {
+    /// The minimum was found.
+    Solved,
+    /// No point meets all constraints; [`DenseQpSolver::conflict`] names some that contradict one
+    /// another.
+    Infeasible,
+    /// The active set changed more often than it should; rounding makes the method cycle.
+    NumericalTrouble,
+}
+
+/// What a solve ended with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DenseQpReport {
+    /// Why the solve ended.
+    pub status: QpStatus,
+    /// ½ xᵀHx + gᵀx at the final point.
+    pub objective: f64,
+    /// Optimality and feasibility of the final point, measured afresh from the data.
+    pub residuals: KktResiduals,
+    /// Number of changes of the active set.
+    pub iterations: usize,
+}
+
+/// Goldfarb and Idnani's dual active-set method, with its memory.
+///
+/// A solver may be used for programmes of any sizes one after the other; it allocates only when
+/// one is larger than all before.
+#[derive(Debug, Clone, Default)]
+pub struct DenseQpSolver {
+    n: usize,
+    /// J = L⁻ᵀQ with H = LLᵀ, row-major: JᵀHJ = I, and the first q columns of J span the active
+    /// normals in the metric of H⁻¹: J₁ᵀN = R, J₂ᵀN = 0.
+    basis: Vec<f64>,
+    /// The upper triangular q × q factor R, column after column, each padded to n entries.
+    triangle: Vec<f64>,
+    factor: Vec<f64>,
+    x: Vec<f64>,
+    active: Vec<ActiveConstraint>,
+    /// How many of the active constraints, at the front of the list, are equalities.
+    num_equalities: usize,
+    /// Multipliers u ≥ 0 of the active constraints, in the order of `active`.
+    dual: Vec<f64>,
+    /// By bound, then row: whether it is active.
+    is_active: Vec<bool>,
+    row_norms: Vec<f64>,
+    /// Coordinates Jᵀn of the constraint to be taken in.
+    coordinates: Vec<f64>,
+    /// Primal and dual directions.
+    direction: Vec<f64>,
+    dual_direction: Vec<f64>,
+    conflict: Vec<QpConstraint>,
+    bound_multipliers: Vec<f64>,
+    row_multipliers: Vec<f64>,
+    guess: Vec<ActiveConstraint>,
+}
+
+impl DenseQpSolver {
+    /// A solver without memory yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Solves `qp` from the unconstrained minimum.
+    ///
+    /// # Errors
+    /// Data that are not finite, contradictory bounds, or a Hessian that is not positive definite.
+    /// Constraints that contradict one another are not an error but a status.
+    pub fn solve(&mut self, qp: &DenseQp) -> Result<DenseQpReport, DenseQpError> {
+        self.active.clear();
+        self.solve_warm(qp)
+    }
+
+    /// Solves `qp` starting with the active set that the last solve ended with, as far as it fits.
+    /// The solution is the same as that of [`solve`](Self::solve), up to rounding; it is found
+    /// faster if the active sets are alike.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_warm(&mut self, qp: &DenseQp) -> Result<DenseQpReport, DenseQpError> {
+        qp.validate()?;
+        let (status, iterations) = self.solve_unchecked(qp)?;
+        Ok(DenseQpReport {
+            status,
+            objective: qp.objective(&self.x),
+            residuals: self.measure(qp),
+            iterations,
+        })
+    }
+
+    /// The solution x of the last solve.
+    #[must_use]
+    pub fn solution(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// Multipliers λ of the rows: Hx + g + Aᵀλ + z = 0, positive at upper bounds, negative at
+    /// lower bounds.
+    #[must_use]
+    pub fn row_multipliers(&self) -> &[f64] {
+        &self.row_multipliers
+    }
+
+    /// Multipliers z of the bounds, with the signs of [`row_multipliers`](Self::row_multipliers).
+    #[must_use]
+    pub fn bound_multipliers(&self) -> &[f64] {
+        &self.bound_multipliers
+    }
+
+    /// The constraints that the last solve held with equality.
+    #[must_use]
+    pub fn active_set(&self) -> &[ActiveConstraint] {
+        &self.active
+    }
+
+    /// Constraints that contradict one another, if the last solve ended as infeasible.
+    #[must_use]
+    pub fn conflict(&self) -> &[QpConstraint] {
+        &self.conflict
+    }
+
+    /// Forgets the active set, so that the next warm start is a cold one.
+    pub(crate) fn forget_active_set(&mut self) {
+        self.active.clear();
+    }
+
+    /// The solve without validation of the data and without the report. Returns the status and the
+    /// number of changes of the active set.
+    pub(crate) fn solve_unchecked(
+        &mut self,
+        qp: &DenseQp,
+    ) -> Result<(QpStatus, usize), DenseQpError> {
+        self.prepare(qp)?;
+        let (status, changes) = self.iterate(qp);
+        if status == QpStatus::Solved {
+            // The steps taken have added up rounding errors: end with the solution of the
+            // equality-constrained problem on the final active set.
+            self.solve_on_active_set(qp);
+        }
+        for (k, active) in self.active.iter().enumerate() {
+            let multiplier = match active.side {
+                Side::Lower => -self.dual[k],
+                Side::Upper => self.dual[k],
+            };
+            match active.constraint {
+                QpConstraint::Bound(j) => self.bound_multipliers[j] = multiplier,
+                QpConstraint::Row(i) => self.row_multipliers[i] = multiplier,
+            }
+        }
+        Ok((status, changes))
+    }
+
+    /// Sizes the memory, factorises H, and takes in the guessed active set.
+    fn prepare(&mut self, qp: &DenseQp) -> Result<(), DenseQpError> {
+        let n = qp.num_variables;
+        let m = qp.num_rows();
+        self.n = n;
+        self.guess.clone_from(&self.active);
+        self.active.clear();
+        self.conflict.clear();
+        self.num_equalities = 0;
+        refill(&mut self.basis, n * n, 0.0);
+        refill(&mut self.triangle, n * n, 0.0);
+        refill(&mut self.factor, n * n, 0.0);
+        for vector in [
+            &mut self.x,
+            &mut self.dual,
+            &mut self.coordinates,
+            &mut self.direction,
+            &mut self.dual_direction,
+            &mut self.bound_multipliers,
+        ] {
+            refill(vector, n, 0.0);
+        }
+        refill(&mut self.row_multipliers, m, 0.0);
+        refill(&mut self.row_norms, m, 0.0);
+        self.is_active.clear();
+        self.is_active.resize(n + m, false);
+        for (i, norm) in self.row_norms.iter_mut().enumerate() {
+            *norm = dot(qp.row(i), qp.row(i)).sqrt();
+        }
+        cholesky(&qp.hessian, &mut self.factor, n)?;
+        invert_transposed(&self.factor, &mut self.basis, n);
+        Ok(())
+    }
+
+    fn iterate(&mut self, qp: &DenseQp) -> (QpStatus, usize) {
+        let n = self.n;
+        let m = qp.num_rows();
+        let limit = 50 + 10 * (n + m);
+        let mut changes = 0;
+
+        self.solve_on_active_set(qp);
+        // Equalities first: they are never dropped again.
+        for k in 0..n + m {
+            let constraint = constraint_of(k, n);
+            let (lower, upper) = bounds_of(qp, constraint);
+            if lower < upper {
+                continue;
+            }
+            let side = if value_of(qp, constraint, &self.x) >= lower {
+                Side::Upper
+            } else {
+                Side::Lower
+            };
+            let active = ActiveConstraint { constraint, side };
+            match self.take_in(qp, active, limit, &mut changes) {
+                TakenIn::Added => self.num_equalities += 1,
+                TakenIn::Redundant => {}
+                TakenIn::Contradiction => return (QpStatus::Infeasible, changes),
+                TakenIn::Cycling => return (QpStatus::NumericalTrouble, changes),
+            }
+        }
+        self.adopt_guess(qp);
+
+        while let Some(violated) = self.most_violated(qp) {
+            match self.take_in(qp, violated, limit, &mut changes) {
+                TakenIn::Added => {}
+                TakenIn::Contradiction => return (QpStatus::Infeasible, changes),
+                // A violated inequality is redundant only through rounding.
+                TakenIn::Redundant | TakenIn::Cycling => {
+                    return (QpStatus::NumericalTrouble, changes);
+                }
+            }
+        }
+        (QpStatus::Solved, changes)
+    }
+
+    /// Takes the guessed constraints into the active set and drops those whose multipliers come
+    /// out negative.
+    fn adopt_guess(&mut self, qp: &DenseQp) {
+        let mut guess = std::mem::take(&mut self.guess);
+        for &active in &guess {
+            let in_range = match active.constraint {
+                QpConstraint::Bound(j) => j < self.n,
+                QpConstraint::Row(i) => i < qp.num_rows(),
+            };
+            if !in_range || self.is_active[index_of(active.constraint, self.n)] {
+                continue;
+            }
+            if !target_of(qp, active).is_finite() {
+                continue;
+            }
+            self.compute_coordinates(qp, active);
+            let outside = norm_squared(&self.coordinates[self.active.len()..]);
+            let total = norm_squared(&self.coordinates);
+            if outside > GUESS_DEPENDENCE_TOLERANCE.powi(2) * total {
+                self.append(active);
+            }
+        }
+        guess.clear();
+        self.guess = guess;
+        if self.active.len() == self.num_equalities {
+            return;
+        }
+        loop {
+            self.solve_on_active_set(qp);
+            let worst = (self.num_equalities..self.active.len())
+                .min_by(|&a, &b| self.dual[a].total_cmp(&self.dual[b]));
+            match worst {
+                Some(k) if self.dual[k] < 0.0 => self.remove(k),
+                _ => break,
+            }
+        }
+    }
+
+    /// The violated inequality farthest from x, if there is one.
+    fn most_violated(&self, qp: &DenseQp) -> Option<ActiveConstraint> {
+        let n = self.n;
+        let mut worst = None;
+        let mut worst_violation = 0.0;
+        let mut consider = |constraint, violation: f64, side, scale: f64| {
+            if violation > worst_violation && violation > VIOLATION_TOLERANCE * scale {
+                worst_violation = violation;
+                worst = Some(ActiveConstraint { constraint, side });
+            }
+        };
+        for j in 0..n {
+            if self.is_active[j] || qp.lower[j] == qp.upper[j] {
+                continue;
+            }
+            let value = self.x[j];
+            let constraint = QpConstraint::Bound(j);
+            let scale = 1.0 + value.abs();
+            consider(constraint, qp.lower[j] - value, Side::Lower, scale);
+            consider(constraint, value - qp.upper[j], Side::Upper, scale);
+        }
+        let size = 1.0 + norm_squared(&self.x).sqrt();
+        for i in 0..qp.num_rows() {
+            let (lower, upper) = (qp.row_lower[i], qp.row_upper[i]);
+            if self.is_active[n + i] || lower == upper {
+                continue;
+            }
+            let value = dot(qp.row(i), &self.x);
+            // A row of zeros has no normal to measure by; it is violated by constants alone.
+            let norm = if self.row_norms[i] > 0.0 {
+                self.row_norms[i]
+            } else {
+                1.0
+            };
+            let constraint = QpConstraint::Row(i);
+            consider(constraint, (lower - value) / norm, Side::Lower, size);
+            consider(constraint, (value - upper) / norm, Side::Upper, size);
+        }
+        worst
+    }
+
+    /// Steps in primal and dual space until `entering` holds with equality, dropping constraints
+    /// whose multipliers would become negative.
+    fn take_in(
+        &mut self,
+        qp: &DenseQp,
+        entering: ActiveConstraint,
+        limit: usize,
+        changes: &mut usize,
+    ) -> TakenIn {
+        let mut entering_dual = 0.0;
+        let sign = sign_of(entering.side);
+        loop {
+            *changes += 1;
+            if *changes > limit {
+                return TakenIn::Cycling;
+            }
+            let q = self.active.len();
+            let gap = sign * (value_of(qp, entering.constraint, &self.x) - target_of(qp, entering));
+            self.compute_coordinates(qp, entering);
+            let total = norm_squared(&self.coordinates);
+            let outside = norm_squared(&self.coordinates[q..]);
+            let dependent = outside <= DEPENDENCE_TOLERANCE.powi(2) * total;
+            self.compute_dual_direction();
+
+            // The longest step that keeps the multipliers non-negative.
+            let mut dual_step = f64::INFINITY;
+            let mut leaving = None;
+            for k in self.num_equalities..q {
+                let rate = self.dual_direction[k];
+                if rate > 0.0 && self.dual[k] < dual_step * rate {
+                    dual_step = self.dual[k] / rate;
+                    leaving = Some(k);
+                }
+            }
+            // The step that makes the constraint hold.
+            let primal_step = if dependent {
+                f64::INFINITY
+            } else {
+                (-gap / outside).max(0.0)
+            };
+
+            let step = match (leaving, dependent) {
+                (None, true) => {
+                    let scale = 1.0 + norm_squared(&self.x).sqrt();
+                    let norm = norm_of(&self.row_norms, entering.constraint);
+                    if gap >= -1e3 * VIOLATION_TOLERANCE * scale * norm.max(f64::MIN_POSITIVE)
+                        && bounds_of(qp, entering.constraint).0
+                            == bounds_of(qp, entering.constraint).1
+                    {
+                        return TakenIn::Redundant;
+                    }
+                    self.record_conflict(entering.constraint);
+                    return TakenIn::Contradiction;
+                }
+                _ => dual_step.min(primal_step),
+            };
+            if !dependent {
+                for j in 0..self.n {
+                    let row = &self.basis[j * self.n..(j + 1) * self.n];
+                    self.direction[j] = dot(&row[q..], &self.coordinates[q..]);
+                }
+                for (x, direction) in self.x.iter_mut().zip(&self.direction) {
+                    *x += step * direction;
+                }
+            }
+            for k in 0..q {
+                self.dual[k] -= step * self.dual_direction[k];
+            }
+            entering_dual += step;
+            match leaving {
+                Some(k) if dual_step < primal_step => self.remove(k),
+                _ => {
+                    self.append(entering);
+                    self.dual[q] = entering_dual;
+                    return TakenIn::Added;
+                }
+            }
+        }
+    }
+
+    /// The contradiction: n = Σ rₖ nₖ with rₖ ≤ 0 for every active inequality.
+    fn record_conflict(&mut self, entering: QpConstraint) {
+        let size = self.dual_direction[..self.active.len()]
+            .iter()
+            .fold(0.0_f64, |a, r| a.max(r.abs()));
+        self.conflict.push(entering);
+        for (k, active) in self.active.iter().enumerate() {
+            if self.dual_direction[k].abs() > 1e-9 * size {
+                self.conflict.push(active.constraint);
+            }
+        }
+    }
+
+    /// `coordinates` = Jᵀ n for the normal n that points into the feasible side.
+    fn compute_coordinates(&mut self, qp: &DenseQp, active: ActiveConstraint) {
+        let n = self.n;
+        let sign = sign_of(active.side);
+        match active.constraint {
+            QpConstraint::Bound(j) => {
+                for (c, b) in self.coordinates.iter_mut().zip(&self.basis[j * n..]) {
+                    *c = sign * b;
+                }
+            }
+            QpConstraint::Row(i) => {
+                self.coordinates.fill(0.0);
+                for (j, &a) in qp.row(i).iter().enumerate() {
+                    if a != 0.0 {
+                        axpy(
+                            sign * a,
+                            &self.basis[j * n..(j + 1) * n],
+                            &mut self.coordinates,
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    /// `dual_direction` = R⁻¹ (Jᵀn)₁.
+    fn compute_dual_direction(&mut self) {
+        let q = self.active.len();
+        self.dual_direction[..q].copy_from_slice(&self.coordinates[..q]);
+        solve_upper(&self.triangle, self.n, &mut self.dual_direction[..q]);
+    }
+
+    /// Appends the constraint whose coordinates have been computed: rotates J so that only the
+    /// first of the coordinates outside the active span remains.
+    fn append(&mut self, active: ActiveConstraint) {
+        let n = self.n;
+        let q = self.active.len();
+        for k in (q + 1..n).rev() {
+            let (c, s, r) = givens(self.coordinates[k - 1], self.coordinates[k]);
+            if s == 0.0 {
+                continue;
+            }
+            self.coordinates[k - 1] = r;
+            self.coordinates[k] = 0.0;
+            rotate_columns(&mut self.basis, n, k - 1, c, s);
+        }
+        self.triangle[q * n..q * n + q + 1].copy_from_slice(&self.coordinates[..=q]);
+        self.active.push(active);
+        self.is_active[index_of(active.constraint, n)] = true;
+    }
+
+    /// Removes the k-th active constraint and restores the triangular form of R.
+    fn remove(&mut self, k: usize) {
+        let n = self.n;
+        let active = self.active.remove(k);
+        self.is_active[index_of(active.constraint, n)] = false;
+        let q = self.active.len();
+        self.dual.copy_within(k + 1..=q, k);
+        for column in k..q {
+            let next = (column + 1) * n;
+            self.triangle
+                .copy_within(next..next + column + 2, column * n);
+            // The column now reaches one entry below the diagonal: rotate it away.
+            let (c, s, r) = givens(
+                self.triangle[column * n + column],
+                self.triangle[column * n + column + 1],
+            );
+            self.triangle[column * n + column] = r;
+            self.triangle[column * n + column + 1] = 0.0;
+            if s == 0.0 {
+                continue;
+            }
+            for later in column + 2..=q {
+                let entry = later * n + column;
+                let (a, b) = (self.triangle[entry], self.triangle[entry + 1]);
+                self.triangle[entry] = c * a + s * b;
+                self.triangle[entry + 1] = c * b - s * a;
+            }
+            rotate_columns(&mut self.basis, n, column, c, s);
+        }
+    }
+
+    /// x and u of the problem in which the active constraints are equalities:
+    /// x = J₁R⁻ᵀb − J₂J₂ᵀg and u = R⁻¹(R⁻ᵀb + J₁ᵀg).
+    fn solve_on_active_set(&mut self, qp: &DenseQp) {
+        let n = self.n;
+        let q = self.active.len();
+        let along = &mut self.direction;
+        for (k, active) in self.active.iter().enumerate() {
+            let column = &self.triangle[k * n..k * n + k];
+            let value = sign_of(active.side) * target_of(qp, *active) - dot(column, &along[..k]);
+            along[k] = value / self.triangle[k * n + k];
+        }
+        // Jᵀg
+        self.coordinates.fill(0.0);
+        for (j, &g) in qp.gradient.iter().enumerate() {
+            axpy(g, &self.basis[j * n..(j + 1) * n], &mut self.coordinates);
+        }
+        let (inside, outside) = along.split_at_mut(q);
+        for (dual, (a, c)) in self
+            .dual
+            .iter_mut()
+            .zip(inside.iter().zip(&self.coordinates))
+        {
+            *dual = a + c;
+        }
+        for (a, c) in outside.iter_mut().zip(&self.coordinates[q..]) {
+            *a = -c;
+        }
+        for j in 0..n {
+            self.x[j] = dot(&self.basis[j * n..(j + 1) * n], along);
+        }
+        solve_upper(&self.triangle, n, &mut self.dual[..q]);
+    }
+
+    /// Residuals of the optimality conditions, from the data.
+    fn measure(&self, qp: &DenseQp) -> KktResiduals {
+        let mut residuals = KktResiduals::default();
+        let mut size = 0.0_f64;
+        for j in 0..self.n {
+            let mut terms = [
+                dot(&qp.hessian[j * self.n..(j + 1) * self.n], &self.x),
+                qp.gradient[j],
+                self.bound_multipliers[j],
+                0.0,
+            ];
+            for i in 0..qp.num_rows() {
+                terms[3] += self.row_multipliers[i] * qp.row(i)[j];
+            }
+            let sum: f64 = terms.iter().sum();
+            residuals.stationarity = residuals.stationarity.max(sum.abs());
+            size = terms.iter().fold(size, |a, t| a.max(t.abs()));
+        }
+        if size > 0.0 {
+            residuals.relative_stationarity = residuals.stationarity / size;
+        }
+        for k in 0..self.n + qp.num_rows() {
+            let constraint = constraint_of(k, self.n);
+            let (lower, upper) = bounds_of(qp, constraint);
+            let multiplier = match constraint {
+                QpConstraint::Bound(j) => self.bound_multipliers[j],
+                QpConstraint::Row(i) => self.row_multipliers[i],
+            };
+            residuals.include(value_of(qp, constraint, &self.x), lower, upper, multiplier);
+        }
+        residuals
+    }
+}
+
+enum TakenIn {
+    Added,
+    Redundant,
+    Contradiction,
+    Cycling,
+}
+
+fn constraint_of(k: usize, n: usize) -> QpConstraint {
+    if k < n {
+        QpConstraint::Bound(k)
+    } else {
+        QpConstraint::Row(k - n)
+    }
+}
+
+fn index_of(constraint: QpConstraint, n: usize) -> usize {
+    match constraint {
+        QpConstraint::Bound(j) => j,
+        QpConstraint::Row(i) => n + i,
+    }
+}
+
+fn bounds_of(qp: &DenseQp, constraint: QpConstraint) -> (f64, f64) {
+    match constraint {
+        QpConstraint::Bound(j) => (qp.lower[j], qp.upper[j]),
+        QpConstraint::Row(i) => (qp.row_lower[i], qp.row_upper[i]),
+    }
+}
+
+fn value_of(qp: &DenseQp, constraint: QpConstraint, x: &[f64]) -> f64 {
+    match constraint {
+        QpConstraint::Bound(j) => x[j],
+        QpConstraint::Row(i) => dot(qp.row(i), x),
+    }
+}
+
+fn norm_of(row_norms: &[f64], constraint: QpConstraint) -> f64 {
+    match constraint {
+        QpConstraint::Bound(_) => 1.0,
+        QpConstraint::Row(i) => row_norms[i],
+    }
+}
+
+fn target_of(qp: &DenseQp, active: ActiveConstraint) -> f64 {
+    let (lower, upper) = bounds_of(qp, active.constraint);
+    match active.side {
+        Side::Lower => lower,
+        Side::Upper => upper,
+    }
+}
+
+fn sign_of(side: Side) -> f64 {
+    match side {
+        Side::Lower => 1.0,
+        Side::Upper => -1.0,
+    }
+}
+
+fn refill(vector: &mut Vec<f64>, length: usize, value: f64) {
+    vector.clear();
+    vector.resize(length, value);
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn norm_squared(a: &[f64]) -> f64 {
+    dot(a, a)
+}
+
+fn axpy(factor: f64, from: &[f64], to: &mut [f64]) {
+    for (t, f) in to.iter_mut().zip(from) {
+        *t += factor * f;
+    }
+}
+
+/// c, s, r with c a + s b = r and c b − s a = 0.
+fn givens(a: f64, b: f64) -> (f64, f64, f64) {
+    if b == 0.0 {
+        return (1.0, 0.0, a);
+    }
+    let r = a.hypot(b).copysign(if a == 0.0 { 1.0 } else { a });
+    (a / r, b / r, r)
+}
+
+/// Rotates columns k and k + 1 of the row-major n × n matrix.
+fn rotate_columns(matrix: &mut [f64], n: usize, k: usize, c: f64, s: f64) {
+    for row in matrix.chunks_exact_mut(n) {
+        let (a, b) = (row[k], row[k + 1]);
+        row[k] = c * a + s * b;
+        row[k + 1] = c * b - s * a;
+    }
+}
+
+/// Solves R y = b in place, with the columns of R padded to `stride`.
+fn solve_upper(triangle: &[f64], stride: usize, b: &mut [f64]) {
+    for k in (0..b.len()).rev() {
+        b[k] /= triangle[k * stride + k];
+        let value = b[k];
+        let (above, _) = b.split_at_mut(k);
+        axpy(-value, &triangle[k * stride..k * stride + k], above);
+    }
+}
+
+/// The lower triangular L with LLᵀ = `matrix`, row-major.
+fn cholesky(matrix: &[f64], factor: &mut [f64], n: usize) -> Result<(), DenseQpError> {
+    for i in 0..n {
+        for j in 0..=i {
+            let (done, row) = factor.split_at_mut(i * n);
+            let above = if j < i {
+                &done[j * n..j * n + j]
+            } else {
+                &row[..j]
+            };
+            let rest = matrix[i * n + j] - dot(&row[..j], above);
+            if j < i {
+                row[j] = rest / done[j * n + j];
+            } else {
+                // A pivot that is all cancellation is no better than zero.
+                if rest.is_nan() || rest <= 1e-14 * matrix[i * n + i].abs() {
+                    return Err(DenseQpError::NotPositiveDefinite {
+                        pivot: i,
+                        value: rest,
+                    });
+                }
+                row[j] = rest.sqrt();
+            }
+        }
+    }
+    Ok(())
+}
+
+/// `inverse` = L⁻ᵀ, row-major, from the row-major L.
+fn invert_transposed(factor: &[f64], inverse: &mut [f64], n: usize) {
+    // Column j of L⁻¹ is row j of L⁻ᵀ.
+    for j in 0..n {
+        let row = &mut inverse[j * n..(j + 1) * n];
+        row.fill(0.0);
+        row[j] = 1.0 / factor[j * n + j];
+        for i in j + 1..n {
+            let sum = dot(&factor[i * n + j..i * n + i], &row[j..i]);
+            row[i] = -sum / factor[i * n + i];
+        }
+    }
+}
