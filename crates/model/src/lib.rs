@@ -7,17 +7,26 @@
 //! referred to by their index in the order of declaration; names are for people
 //! and files.
 
+mod builder;
 mod configuration;
+mod diagnostic;
 mod environment;
 mod equilibrium;
 mod problem;
 mod structure;
+mod validate;
 
+pub use builder::{ElementSpec, StructureBuilder};
 pub use configuration::{Configuration, Path};
-pub use environment::{Body, Environment, Obstacle, Role, Shape};
-pub use equilibrium::EquilibriumManifold;
+pub use diagnostic::{Finding, ReadErrors, Severity, SourceFile};
+pub use environment::{
+    BadShape, Body, CollisionRule, Environment, EnvironmentBuilder, EnvironmentError,
+    EnvironmentFlaw, EnvironmentPlace, Obstacle, PairSelection, Role, Shape,
+};
+pub use equilibrium::{EquilibriumError, EquilibriumManifold, NodesManifold};
 pub use problem::{Endpoint, Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius};
 pub use structure::{
     Anchor, Appearance, AttachedShape, Attachment, Coupling, Element, ElementKind, FixedCoordinate,
     ForceLaw, Interval, Node, Structure,
 };
+pub use validate::{ElementPart, Place, StructureError, StructureFlaw};

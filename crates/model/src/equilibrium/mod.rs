@@ -1,5 +1,10 @@
 //! The equilibrium manifold of a structure, in two formulations.
 
+mod affine;
+mod nodes;
+
+pub use nodes::NodesManifold;
+
 use nalgebra::{Point3, Vector3};
 use tensegra_atlas::{ImplicitManifold, SparseRow};
 
@@ -24,4 +29,18 @@ pub trait EquilibriumManifold: ImplicitManifold {
     /// The coordinates of a physical configuration; close to the manifold if
     /// the configuration is close to equilibrium.
     fn coordinates(&self, configuration: &Configuration) -> Vec<f64>;
+}
+
+/// Why a structure has no equilibrium manifold.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EquilibriumError {
+    /// Linear conditions contradict each other.
+    #[error("{what} contradict the conditions before by {by:.3e}: drop or correct one of them")]
+    Contradiction {
+        /// The condition.
+        what: String,
+        /// By how much.
+        by: f64,
+    },
 }
