@@ -159,6 +159,13 @@ pub trait ImplicitManifold: Sync {
         let _ = (x, values);
     }
 
+    /// The value g(x) of one limit.
+    fn limit(&self, limit: usize, x: &[f64]) -> f64 {
+        let mut values = vec![0.0; self.limit_count()];
+        self.limits(x, &mut values);
+        values[limit]
+    }
+
     /// Adds the gradient of the limit with the given index to `row`.
     fn limit_gradient(&self, limit: usize, x: &[f64], row: &mut SparseRow) {
         let _ = (limit, x, row);

@@ -55,6 +55,13 @@ pub trait Validity: Sync {
         None
     }
 
+    /// How far apart two points are for the purposes of a path's resolution:
+    /// the largest displacement of a node, for a structure. Euclidean unless
+    /// said otherwise.
+    fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {
+        crate::atlas::squared_distance(a, b).sqrt()
+    }
+
     /// Whether the point x is valid by itself; used for start and goal.
     fn is_valid(&self, x: &[f64]) -> bool;
 }

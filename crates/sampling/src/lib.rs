@@ -1,1 +1,18 @@
 //! Sampling-based planners over implicit manifolds.
+//!
+//! [`AtlasRrt`] plans between two points of any [`ImplicitManifold`] under any
+//! [`Validity`]: a sphere with walls as well as a tensegrity among obstacles.
+//! It knows of nothing but these two traits.
+//!
+//! [`ImplicitManifold`]: tensegra_atlas::ImplicitManifold
+//! [`Validity`]: tensegra_atlas::Validity
+
+mod atlas_rrt;
+mod options;
+mod plan;
+mod slide;
+mod tree;
+
+pub use atlas_rrt::AtlasRrt;
+pub use options::{PlannerOptions, SampleRadius};
+pub use plan::{Failure, Observer, Plan, PlanError, Progress, Statistics, StopCounts};

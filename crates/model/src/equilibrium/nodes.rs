@@ -212,29 +212,43 @@ impl NodesManifold {
             positions.push([0, 1, 2].map(|axis| self.coordinates.value(3 * node + axis, x)));
         }
         links.clear();
-        for link in &self.links {
+        for (i, link) in self.links.iter().enumerate() {
             let [a, b] = link.nodes;
             let (pa, pb) = (&positions[a], &positions[b]);
             let d = [pb[0] - pa[0], pb[1] - pa[1], pb[2] - pa[2]];
-            let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-            let (density, slope) = match link.density {
-                Density::None => (0.0, 0.0),
-                Density::Constant(q) => (q, 0.0),
-                Density::Unknown(row) => (self.densities.value(row, x), 0.0),
-                Density::Spring { stiffness, rest } => {
-                    let length = length.max(1e-9 * self.size);
-                    (
-                        stiffness * (1.0 - rest / length),
-                        stiffness * rest / length.powi(3),
-                    )
-                }
-            };
-            links.push(LinkState {
-                d,
-                length,
-                density,
-                slope,
-            });
+            links.push(self.link_state(i, d, x));
+        }
+    }
+
+    /// The state of one link: what [`Self::evaluate_links`] does for all.
+    fn evaluate_link(&self, link: usize, x: &[f64]) -> LinkState {
+        let [a, b] = self.links[link].nodes;
+        let d = [0, 1, 2].map(|axis| {
+            self.coordinates.value(3 * b + axis, x) - self.coordinates.value(3 * a + axis, x)
+        });
+        self.link_state(link, d, x)
+    }
+
+    #[inline]
+    fn link_state(&self, link: usize, d: [f64; 3], x: &[f64]) -> LinkState {
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        let (density, slope) = match self.links[link].density {
+            Density::None => (0.0, 0.0),
+            Density::Constant(q) => (q, 0.0),
+            Density::Unknown(row) => (self.densities.value(row, x), 0.0),
+            Density::Spring { stiffness, rest } => {
+                let length = length.max(1e-9 * self.size);
+                (
+                    stiffness * (1.0 - rest / length),
+                    stiffness * rest / length.powi(3),
+                )
+            }
+        };
+        LinkState {
+            d,
+            length,
+            density,
+            slope,
         }
     }
 
@@ -416,27 +430,28 @@ impl ImplicitManifold for NodesManifold {
 
     fn limit_gradient(&self, limit: usize, x: &[f64], row: &mut SparseRow) {
         let limit = &self.limits[limit];
-        SCRATCH.with_borrow_mut(|scratch| {
-            self.evaluate_links(x, scratch);
-            let LinkState {
-                d,
-                length: l,
-                density: q,
-                slope: s,
-            } = scratch.links[limit.link];
-            let (by_length, by_q, unit) = match limit.quantity {
-                Quantity::Length => (1.0, 0.0, 1.0 / self.size),
-                Quantity::Rest { stiffness } => (
-                    1.0 - (q + l * l * s) / stiffness,
-                    -l / stiffness,
-                    1.0 / self.size,
-                ),
-                Quantity::Force => (q + l * l * s, l, self.force_weight / self.force),
-            };
-            let c = limit.sign * unit;
-            let by_d = d.map(|d| c * by_length * d / l);
-            self.add_link_gradient(limit.link, by_d, c * by_q, row);
-        });
+        let LinkState {
+            d,
+            length: l,
+            density: q,
+            slope: s,
+        } = self.evaluate_link(limit.link, x);
+        let (by_length, by_q, unit) = match limit.quantity {
+            Quantity::Length => (1.0, 0.0, 1.0 / self.size),
+            Quantity::Rest { stiffness } => (
+                1.0 - (q + l * l * s) / stiffness,
+                -l / stiffness,
+                1.0 / self.size,
+            ),
+            Quantity::Force => (q + l * l * s, l, self.force_weight / self.force),
+        };
+        let c = limit.sign * unit;
+        self.add_link_gradient(limit.link, d.map(|d| c * by_length * d / l), c * by_q, row);
+    }
+
+    fn limit(&self, limit: usize, x: &[f64]) -> f64 {
+        let limit = &self.limits[limit];
+        self.evaluate_limit(limit, &self.evaluate_link(limit.link, x))
     }
 
     fn limit_name(&self, limit: usize) -> String {

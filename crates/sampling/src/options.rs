@@ -1,0 +1,71 @@
+//! Parameters of the planners.
+
+use tensegra_atlas::ChartDomain;
+
+/// Radius of the ball in a chart's tangent space from which samples are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SampleRadius {
+    /// One radius for all charts.
+    Fixed(f64),
+    /// A radius for each chart that grows by a factor of 1.2 when a branch
+    /// towards a sample arrives and shrinks by 0.8 when it does not, between a
+    /// chart's radius and the given largest radius (Porta and Jaillet 2014).
+    Adaptive {
+        /// Largest radius, and that of a new chart.
+        largest: f64,
+    },
+}
+
+/// Parameters of [`AtlasRrt`](crate::AtlasRrt). The defaults solve all benchmark
+/// problems; distances are in the manifold's coordinates.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct PlannerOptions {
+    /// Seed of every random choice.
+    pub seed: u64,
+    /// Whether a second tree grows from the goal.
+    pub two_trees: bool,
+    /// Length δ of a step of a branch.
+    pub step: f64,
+    /// How far charts reach.
+    pub domain: ChartDomain,
+    /// Radius ρ_s of sampling.
+    pub sample_radius: SampleRadius,
+    /// Probability that a branch aims at a random node of the other tree (at
+    /// the goal, with one tree) instead of at a sample.
+    pub goal_bias: f64,
+    /// Residual below which the equations hold.
+    pub tolerance: f64,
+    /// Whether branches slide along limits and contacts instead of stopping.
+    pub slide: bool,
+    /// Distance inside a limit at which a sliding branch aims.
+    pub limit_margin: f64,
+    /// Clearance at which a sliding branch aims.
+    pub contact_margin: f64,
+    /// Charts after which planning is given up.
+    pub max_charts: usize,
+    /// Tree nodes after which planning is given up.
+    pub max_nodes: usize,
+    /// CPU seconds of the planning thread after which planning is given up.
+    pub time_limit: f64,
+}
+
+impl Default for PlannerOptions {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            two_trees: true,
+            step: 0.05,
+            domain: ChartDomain::default(),
+            sample_radius: SampleRadius::Fixed(3.0),
+            goal_bias: 0.05,
+            tolerance: 1e-7,
+            slide: true,
+            limit_margin: 2e-3,
+            contact_margin: 1e-3,
+            max_charts: 150_000,
+            max_nodes: 250_000,
+            time_limit: 600.0,
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! A tree of points of the manifold, with nearest neighbours by chart.
+//!
+//! Nodes are grouped by the chart that represents them; a group whose centre
+//! minus radius is farther than the best node found is skipped. Exact; a query
+//! costs one distance per chart and one per node in the charts nearby.
+
+/// Nodes of one chart.
+#[derive(Clone, Debug)]
+struct Group {
+    center: Vec<f64>,
+    radius: f64,
+    members: Vec<u32>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Tree {
+    dimension: usize,
+    points: Vec<f64>,
+    parents: Vec<u32>,
+    charts: Vec<u32>,
+    groups: Vec<Group>,
+    /// Group of each chart of the atlas, `u32::MAX` where there is none.
+    group_of_chart: Vec<u32>,
+    order: Vec<(f64, u32)>,
+}
+
+const NONE: u32 = u32::MAX;
+
+pub(crate) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a4
+        .remainder()
+        .iter()
+        .zip(b4.remainder())
+        .map(|(x, y)| (x - y) * (x - y))
+        .sum();
+    for (x, y) in a4.zip(b4) {
+        for i in 0..4 {
+            let d = x[i] - y[i];
+            sums[i] += d * d;
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}
+
+impl Tree {
+    /// A tree with one node.
+    pub(crate) fn new(root: &[f64], chart: usize, center: &[f64]) -> Self {
+        let mut tree = Self {
+            dimension: root.len(),
+            points: Vec::new(),
+            parents: Vec::new(),
+            charts: Vec::new(),
+            groups: Vec::new(),
+            group_of_chart: Vec::new(),
+            order: Vec::new(),
+        };
+        tree.add(root, None, chart, center);
+        tree
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.parents.len()
+    }
+
+    pub(crate) fn point(&self, node: usize) -> &[f64] {
+        &self.points[node * self.dimension..(node + 1) * self.dimension]
+    }
+
+    pub(crate) fn chart(&self, node: usize) -> usize {
+        self.charts[node] as usize
+    }
+
+    pub(crate) fn parent(&self, node: usize) -> Option<usize> {
+        let parent = self.parents[node];
+        (parent != NONE).then_some(parent as usize)
+    }
+
+    /// Adds a node represented by the chart with the given centre.
+    pub(crate) fn add(
+        &mut self,
+        point: &[f64],
+        parent: Option<usize>,
+        chart: usize,
+        center: &[f64],
+    ) -> usize {
+        let node = self.parents.len();
+        self.points.extend_from_slice(point);
+        self.parents.push(parent.map_or(NONE, |p| p as u32));
+        self.charts.push(chart as u32);
+        if self.group_of_chart.len() <= chart {
+            self.group_of_chart.resize(chart + 1, NONE);
+        }
+        if self.group_of_chart[chart] == NONE {
+            self.group_of_chart[chart] = self.groups.len() as u32;
+            self.groups.push(Group {
+                center: center.to_vec(),
+                radius: 0.0,
+                members: Vec::new(),
+            });
+        }
+        let group = &mut self.groups[self.group_of_chart[chart] as usize];
+        group.radius = group
+            .radius
+            .max(squared_distance(point, &group.center).sqrt());
+        group.members.push(node as u32);
+        node
+    }
+
+    /// The node nearest to x, and its distance.
+    pub(crate) fn nearest(&mut self, x: &[f64]) -> (usize, f64) {
+        self.order.clear();
+        for (i, group) in self.groups.iter().enumerate() {
+            let bound = squared_distance(x, &group.center).sqrt() - group.radius;
+            self.order.push((bound, i as u32));
+        }
+        // The most promising group first: most others are then skipped.
+        if let Some(first) =
+            (0..self.order.len()).min_by(|&a, &b| self.order[a].0.total_cmp(&self.order[b].0))
+        {
+            self.order.swap(0, first);
+        }
+        let mut best = (0, f64::INFINITY);
+        for &(bound, group) in &self.order {
+            if bound.max(0.0).powi(2) >= best.1 {
+                continue;
+            }
+            for &node in &self.groups[group as usize].members {
+                let start = node as usize * self.dimension;
+                let distance = squared_distance(x, &self.points[start..start + self.dimension]);
+                if distance < best.1 {
+                    best = (node as usize, distance);
+                }
+            }
+        }
+        (best.0, best.1.sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_node_is_that_of_a_full_scan() {
+        let mut tree = Tree::new(&[0.0; 3], 0, &[0.0; 3]);
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+        };
+        for i in 0..200 {
+            let chart = i % 7;
+            let point = [random(), random(), random()];
+            tree.add(
+                &point,
+                Some(0),
+                chart,
+                &[chart as f64 / 7.0 - 0.5, 0.0, 0.0],
+            );
+        }
+        for _ in 0..100 {
+            let x = [random(), random(), random()];
+            let (node, distance) = tree.nearest(&x);
+            let full = (0..tree.len())
+                .map(|i| squared_distance(&x, tree.point(i)).sqrt())
+                .fold(f64::INFINITY, f64::min);
+            assert_eq!(distance, full);
+            assert_eq!(squared_distance(&x, tree.point(node)).sqrt(), full);
+        }
+    }
+}
