@@ -127,6 +127,12 @@ impl DenseQp {
         self.hessian[j * n + i] = value;
     }
 
+    /// Adds to the entries (i, j) and (j, i) of H.
+    pub(crate) fn add_hessian(&mut self, i: usize, j: usize, value: f64) {
+        let sum = self.hessian[i * self.num_variables + j] + value;
+        self.set_hessian(i, j, sum);
+    }
+
     /// The gradient g at the origin (length n).
     pub fn gradient_mut(&mut self) -> &mut [f64] {
         &mut self.gradient
@@ -413,6 +419,13 @@ impl DenseQpSolver {
     /// Forgets the active set, so that the next warm start is a cold one.
     pub(crate) fn forget_active_set(&mut self) {
         self.active.clear();
+    }
+
+    /// Whether the Hessian is positive definite.
+    pub(crate) fn factorises(&mut self, qp: &DenseQp) -> bool {
+        let n = qp.num_variables;
+        refill(&mut self.factor, n * n, 0.0);
+        cholesky(&qp.hessian, &mut self.factor, n).is_ok()
     }
 
     /// The solve without validation of the data and without the report. Returns the status and the

@@ -244,7 +244,7 @@ impl TripletPattern {
     }
 
     /// The entries as (row, column).
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = (usize, usize)> + '_ {
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (usize, usize)> + Clone + '_ {
         self.rows.iter().copied().zip(self.columns.iter().copied())
     }
 }

@@ -108,6 +108,8 @@ pub struct Evaluations {
 }
 
 mod dense;
+mod engine;
+mod model;
 mod sparse;
 pub use dense::DenseSqp;
 pub use sparse::SparseSqp;
