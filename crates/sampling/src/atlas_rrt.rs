@@ -41,6 +41,11 @@ const SHORTEST_STEP: f64 = 0.1;
 const CONNECTION_CANDIDATES: usize = 6;
 /// A tree this many times larger than the other one waits.
 const IMBALANCE: usize = 4;
+/// Each step must lower the squared distance to the target by this multiple of
+/// the squared step.
+const NEARER: f64 = 0.1;
+/// A neighbouring chart takes over when its centre is this much nearer.
+const NEARER_CHART: f64 = 0.7;
 /// Extensions in a row without a new node after which planning is given up.
 const FRUITLESS: usize = 200_000;
 /// Residual of the points of the returned path.
@@ -477,6 +482,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
                 *w = (a - b) * step / length;
             }
             match self.try_step(chart, step, length) {
+                Step::Accepted if !self.is_nearer(target, step) => break Stop::NoProgress,
                 Step::Accepted => {
                     let center = self.atlas.chart(chart).center();
                     let parent = branch.last;
@@ -502,6 +508,14 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
                     }
                 }
                 Step::NeedsChart if !fresh => {
+                    if let Some(neighbour) = self.nearer_chart(chart) {
+                        chart = neighbour;
+                        self.use_chart(tree, chart);
+                        self.trees[tree].set_chart(branch.last, chart);
+                        std::mem::swap(&mut self.here.t, &mut self.next.t);
+                        self.atlas.chart(chart).log(target, &mut self.target_t);
+                        continue;
+                    }
                     match self
                         .atlas
                         .add(planner.manifold, &self.here.x, &mut self.work)
@@ -509,6 +523,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
                         Ok(new) => {
                             chart = new;
                             self.use_chart(tree, chart);
+                            self.trees[tree].set_chart(branch.last, chart);
                             self.here.t.fill(0.0);
                             self.atlas.chart(chart).log(target, &mut self.target_t);
                             fresh = true;
@@ -532,6 +547,33 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         self.count(stop);
         branch.reached = stop == Stop::Reached;
         branch
+    }
+
+    /// Whether the step came nearer to the target. Seen from different charts
+    /// the target lies in different directions: without this test a branch
+    /// could go back and forth between them for ever.
+    fn is_nearer(&self, target: &[f64], step: f64) -> bool {
+        squared_distance(&self.next.x, target)
+            <= squared_distance(&self.here.x, target) - NEARER * step * step
+    }
+
+    /// A neighbour of a chart whose centre lies much nearer to `here`; tangent
+    /// coordinates go to `next.t`.
+    fn nearer_chart(&mut self, chart: usize) -> Option<usize> {
+        let mut best = (NEARER_CHART * norm(&self.here.t), None);
+        for cut in self.atlas.cuts(chart) {
+            let neighbour = self.atlas.chart(cut.neighbour);
+            neighbour.log(&self.here.x, &mut self.next.t);
+            let length = norm(&self.next.t);
+            if length < best.0
+                && self.atlas.represents(cut.neighbour, &self.here.x, &self.next.t)
+            {
+                best = (length, Some(cut.neighbour));
+            }
+        }
+        let neighbour = best.1?;
+        self.atlas.chart(neighbour).log(&self.here.x, &mut self.next.t);
+        Some(neighbour)
     }
 
     /// Prepares for a branch to go on in another chart.

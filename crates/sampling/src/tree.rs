@@ -72,6 +72,12 @@ impl Tree {
         self.charts[node] as usize
     }
 
+    /// Lets another chart represent a node. The node stays in its group, which
+    /// only serves the search for neighbours.
+    pub(crate) fn set_chart(&mut self, node: usize, chart: usize) {
+        self.charts[node] = chart as u32;
+    }
+
     pub(crate) fn parent(&self, node: usize) -> Option<usize> {
         let parent = self.parents[node];
         (parent != NONE).then_some(parent as usize)
