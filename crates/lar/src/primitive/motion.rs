@@ -1,0 +1,846 @@
+//! The nonlinear programme of a motion over several configurations and rolls.
+//!
+//! Source: Usevitch et al., equations (30) to (39). Unknowns are the positions of the nodes that
+//! do not carry the robot, in every configuration that is not given: support nodes stand where
+//! the triangular grid puts them. The objective is the sum of the squared length changes between
+//! successive configurations; its Hessian and that of the Lagrangian are block tridiagonal over
+//! the configurations and exact, except for the rigidity index, whose curvature is left out.
+//!
+//! Cost of an evaluation: O(configurations × (members + pairs + corners)).
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Vector3};
+use tensegra_optim::{Hessian, Nlp, TripletPattern};
+
+use crate::constraint::{ConstraintFunction, RigidityFunction};
+use crate::primitive::sequence::{SequenceRoll, Stance};
+use crate::{Dimension, GroundIsometry, Robot, SideLine, Support};
+
+/// What a motion problem is built from.
+pub(super) struct MotionSpec<'a> {
+    /// Symmetric stances before the first, between, and after the last roll.
+    pub stances: &'a [Stance],
+    pub rolls: &'a [SequenceRoll],
+    /// Configurations for each roll.
+    pub steps: usize,
+    /// Index of the configuration, counted from that of the stance before it, that tips.
+    pub tip: usize,
+    /// Largest distance that a node travels between configurations, except in a roll.
+    pub max_move: Option<f64>,
+    /// Largest change of a length in a roll (c of equation (37)).
+    pub max_tip_change: Option<f64>,
+    /// Weight of the length changes of a roll in the objective; 1 in the literature.
+    pub tip_weight: f64,
+    pub ends: Ends,
+}
+
+/// What holds at the two ends.
+#[derive(Debug, Clone)]
+pub(super) enum Ends {
+    /// The first and the last configuration are the first and the last stance.
+    Fixed,
+    /// The motion begins at the tipping configuration of the first roll and ends at that of the
+    /// second, which is its image: node i there stands at the image of node `roles[i]` here
+    /// (equation (39)). Two rolls and three stances are given.
+    Periodic {
+        map: GroundIsometry,
+        roles: Vec<usize>,
+    },
+}
+
+/// One configuration of the motion.
+struct Slot {
+    support: Support,
+    /// Nodes whose positions are unknown; empty for a given configuration.
+    free: Vec<usize>,
+    /// Index of the first unknown.
+    offset: usize,
+    /// Place of each node among the free ones.
+    place: Vec<Option<usize>>,
+}
+
+#[derive(Debug, Clone)]
+enum Row {
+    /// A physical constraint on one configuration.
+    Function {
+        slot: usize,
+        function: ConstraintFunction,
+    },
+    /// Signed distance of the centre of mass outside a side: at most 0, or 0 when it tips.
+    Balance {
+        slot: usize,
+        line: SideLine,
+        tips: bool,
+    },
+    /// Distance of the node that lands from a node of the side rolled over (35), (36).
+    Landing {
+        slot: usize,
+        landed: usize,
+        pivot: Vector3<f64>,
+        distance: f64,
+    },
+    /// (‖Δp‖² − d²)/(2d) ≤ 0 for a node between a configuration and the next (19).
+    Move {
+        slot: usize,
+        node: usize,
+        limit: f64,
+    },
+    /// Change of a length between a configuration and the next (37).
+    TipChange {
+        slot: usize,
+        member: usize,
+        limit: f64,
+    },
+    /// The worst-case rigidity index of one configuration.
+    Rigidity { slot: usize, least: f64 },
+    /// A coordinate of the last configuration minus that of the image of the first (39).
+    Periodic {
+        node: usize,
+        role: usize,
+        axis: usize,
+    },
+}
+
+/// The nonlinear programme.
+pub(super) struct MotionProblem<'a> {
+    robot: &'a Robot,
+    slots: Vec<Slot>,
+    rows: Vec<Row>,
+    /// Index of the last configuration before each roll.
+    rolls: Vec<usize>,
+    tip_weight: f64,
+    ends: Ends,
+    num_variables: usize,
+    /// Coordinates of all configurations, one after another; those given or held stay.
+    coordinates: Vec<f64>,
+    lengths: Vec<f64>,
+    /// Derivative of the objective by each length.
+    length_slopes: Vec<f64>,
+    /// Start of each configuration's blocks in the Hessian's values.
+    diagonal: Vec<Range<usize>>,
+    below: Vec<Range<usize>>,
+    rigidity_gradient: Vec<f64>,
+}
+
+const AXES: usize = 3;
+
+impl<'a> MotionProblem<'a> {
+    pub(super) fn new(robot: &'a Robot, spec: &MotionSpec<'_>) -> Self {
+        let size = robot.num_coordinates();
+        let periodic = matches!(spec.ends, Ends::Periodic { .. });
+        let (count, rolls): (usize, Vec<usize>) = if periodic {
+            (spec.steps + 1, vec![0])
+        } else {
+            let rolls = (0..spec.rolls.len())
+                .map(|roll| roll * spec.steps + spec.tip)
+                .collect();
+            (spec.rolls.len() * spec.steps + 1, rolls)
+        };
+
+        let mut slots: Vec<Slot> = Vec::with_capacity(count);
+        let mut coordinates = Vec::with_capacity(count * size);
+        let mut offset = 0;
+        for index in 0..count {
+            let stance = &spec.stances[rolls.iter().filter(|&&roll| roll < index).count()];
+            let given = !periodic && (index == 0 || index + 1 == count);
+            let source = if given && index > 0 {
+                &spec.stances[spec.rolls.len()]
+            } else {
+                stance
+            };
+            coordinates.extend_from_slice(&source.coordinates);
+            let nodes = robot.graph().num_nodes();
+            let free: Vec<usize> = if given {
+                Vec::new()
+            } else {
+                (0..nodes)
+                    .filter(|&node| !stance.support.contains(node))
+                    .collect()
+            };
+            let mut place = vec![None; nodes];
+            for (position, &node) in free.iter().enumerate() {
+                place[node] = Some(position);
+            }
+            let unknowns = AXES * free.len();
+            slots.push(Slot {
+                support: source.support.clone(),
+                free,
+                offset,
+                place,
+            });
+            offset += unknowns;
+        }
+
+        let mut diagonal = Vec::with_capacity(count);
+        let mut below = Vec::with_capacity(count);
+        let mut entries = 0;
+        for index in 0..count {
+            let unknowns = AXES * slots[index].free.len();
+            let before = if index > 0 {
+                AXES * slots[index - 1].free.len()
+            } else {
+                0
+            };
+            diagonal.push(entries..entries + unknowns * (unknowns + 1) / 2);
+            entries = diagonal[index].end;
+            below.push(entries..entries + unknowns * before);
+            entries = below[index].end;
+        }
+
+        let members = robot.graph().num_members();
+        let mut problem = Self {
+            robot,
+            slots,
+            rows: Vec::new(),
+            rolls,
+            tip_weight: spec.tip_weight,
+            ends: spec.ends.clone(),
+            num_variables: offset,
+            coordinates,
+            lengths: vec![0.0; count * members],
+            length_slopes: vec![0.0; count * members],
+            diagonal,
+            below,
+            rigidity_gradient: vec![0.0; size],
+        };
+        problem.rows = problem.build_rows(spec);
+        problem
+    }
+
+    fn build_rows(&self, spec: &MotionSpec<'_>) -> Vec<Row> {
+        let robot = self.robot;
+        let mut rows = Vec::new();
+        let functions = ConstraintFunction::all(robot);
+        for (index, slot) in self.slots.iter().enumerate() {
+            let coordinates = self.slot_coordinates(index);
+            if !slot.free.is_empty() {
+                for &function in &functions {
+                    let moves = |&node: &usize| slot.place[node].is_some();
+                    if function.nodes(robot).as_slice().iter().any(moves) {
+                        rows.push(Row::Function {
+                            slot: index,
+                            function,
+                        });
+                    }
+                }
+                let last_of_period =
+                    matches!(self.ends, Ends::Periodic { .. }) && index + 1 == self.slots.len();
+                let tipping = if last_of_period {
+                    spec.rolls.get(1)
+                } else {
+                    self.rolls
+                        .iter()
+                        .position(|&roll| roll == index)
+                        .map(|roll| &spec.rolls[roll])
+                };
+                for side in 0..slot.support.num_sides() {
+                    let line = slot.support.side_line(Dimension::Three, coordinates, side);
+                    let tips = tipping.is_some_and(|roll| roll.side == side);
+                    rows.push(Row::Balance {
+                        slot: index,
+                        line,
+                        tips,
+                    });
+                }
+                if let Some(roll) = tipping {
+                    let next = &spec.stances[self.rolls.iter().filter(|&&r| r < index).count() + 1];
+                    let landing = robot.dimension().node(&next.coordinates, roll.landed);
+                    for pivot in roll.pivots {
+                        let pivot = robot.dimension().node(coordinates, pivot);
+                        let distance = (landing - pivot).norm();
+                        let landed = roll.landed;
+                        rows.push(Row::Landing {
+                            slot: index,
+                            landed,
+                            pivot,
+                            distance,
+                        });
+                    }
+                }
+                if let Some(least) = robot.limits().min_rigidity {
+                    rows.push(Row::Rigidity { slot: index, least });
+                }
+            }
+            if index + 1 == self.slots.len() {
+                break;
+            }
+            let next = &self.slots[index + 1];
+            if self.rolls.contains(&index) {
+                if let Some(limit) = spec.max_tip_change {
+                    for member in 0..robot.graph().num_members() {
+                        rows.push(Row::TipChange {
+                            slot: index,
+                            member,
+                            limit,
+                        });
+                    }
+                }
+            } else if let Some(limit) = spec.max_move {
+                for node in 0..robot.graph().num_nodes() {
+                    if slot.place[node].is_some() || next.place[node].is_some() {
+                        rows.push(Row::Move {
+                            slot: index,
+                            node,
+                            limit,
+                        });
+                    }
+                }
+            }
+        }
+        if let Ends::Periodic { roles, .. } = &self.ends {
+            let last = &self.slots[self.slots.len() - 1];
+            for &node in &last.free {
+                for axis in 0..AXES {
+                    rows.push(Row::Periodic {
+                        node,
+                        role: roles[node],
+                        axis,
+                    });
+                }
+            }
+        }
+        rows
+    }
+
+    /// Number of configurations.
+    pub(super) fn num_configurations(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Index of the last configuration before each roll.
+    pub(super) fn rolls(&self) -> &[usize] {
+        &self.rolls
+    }
+
+    fn slot_coordinates(&self, slot: usize) -> &[f64] {
+        let size = self.robot.num_coordinates();
+        &self.coordinates[slot * size..(slot + 1) * size]
+    }
+
+    /// Reads the unknowns off a motion.
+    pub(super) fn variables(&self, configurations: &[Vec<f64>]) -> Vec<f64> {
+        let mut x = Vec::with_capacity(self.num_variables);
+        for (slot, configuration) in self.slots.iter().zip(configurations) {
+            for &node in &slot.free {
+                x.extend_from_slice(&configuration[AXES * node..AXES * (node + 1)]);
+            }
+        }
+        x
+    }
+
+    /// The motion with the given unknowns.
+    pub(super) fn configurations(&mut self, x: &[f64]) -> Vec<Vec<f64>> {
+        self.place(x);
+        (0..self.slots.len())
+            .map(|slot| self.slot_coordinates(slot).to_vec())
+            .collect()
+    }
+
+    /// Writes the unknowns into the coordinates.
+    fn place(&mut self, x: &[f64]) {
+        let size = self.robot.num_coordinates();
+        for (index, slot) in self.slots.iter().enumerate() {
+            let coordinates = &mut self.coordinates[index * size..(index + 1) * size];
+            for (k, &node) in slot.free.iter().enumerate() {
+                let from = slot.offset + AXES * k;
+                coordinates[AXES * node..AXES * (node + 1)].copy_from_slice(&x[from..from + AXES]);
+            }
+        }
+    }
+
+    fn compute_lengths(&mut self) {
+        let size = self.robot.num_coordinates();
+        let members = self.robot.graph().num_members();
+        for (coordinates, lengths) in self
+            .coordinates
+            .chunks_exact(size)
+            .zip(self.lengths.chunks_exact_mut(members))
+        {
+            self.robot.lengths_into(coordinates, lengths);
+        }
+    }
+
+    /// Weight of the length changes between a configuration and the next.
+    fn weight(&self, slot: usize) -> f64 {
+        if self.rolls.contains(&slot) {
+            self.tip_weight
+        } else {
+            1.0
+        }
+    }
+
+    /// Computes ∂f/∂L for every length of every configuration.
+    fn compute_length_slopes(&mut self) {
+        let members = self.robot.graph().num_members();
+        self.length_slopes.fill(0.0);
+        for slot in 0..self.slots.len() - 1 {
+            let weight = 2.0 * self.weight(slot);
+            for member in 0..members {
+                let (here, next) = (slot * members + member, (slot + 1) * members + member);
+                let change = weight * (self.lengths[next] - self.lengths[here]);
+                self.length_slopes[here] -= change;
+                self.length_slopes[next] += change;
+            }
+        }
+    }
+
+    /// Unit vector along a member, from its second end to its first.
+    fn direction(&self, slot: usize, member: usize) -> Vector3<f64> {
+        let [a, b] = self.robot.graph().members()[member];
+        let coordinates = self.slot_coordinates(slot);
+        let edge = Dimension::Three.node(coordinates, a) - Dimension::Three.node(coordinates, b);
+        edge.normalize()
+    }
+
+    /// Adds a 3 × 3 block to the Hessian's values, for two nodes of one configuration; blocks
+    /// above the diagonal and of nodes that are held are left out.
+    fn add_diagonal(
+        &self,
+        values: &mut [f64],
+        slot: usize,
+        nodes: (usize, usize),
+        block: &Matrix3<f64>,
+    ) {
+        let slot_data = &self.slots[slot];
+        let (Some(row), Some(column)) = (slot_data.place[nodes.0], slot_data.place[nodes.1]) else {
+            return;
+        };
+        if row < column {
+            return;
+        }
+        let start = self.diagonal[slot].start;
+        for i in 0..AXES {
+            let r = AXES * row + i;
+            let last = if row == column { i + 1 } else { AXES };
+            for j in 0..last {
+                values[start + r * (r + 1) / 2 + AXES * column + j] += block[(i, j)];
+            }
+        }
+    }
+
+    /// Adds a 3 × 3 block that couples a node of a configuration (row) with one of the
+    /// configuration before (column).
+    fn add_below(
+        &self,
+        values: &mut [f64],
+        slot: usize,
+        nodes: (usize, usize),
+        block: &Matrix3<f64>,
+    ) {
+        let (here, before) = (&self.slots[slot], &self.slots[slot - 1]);
+        let (Some(row), Some(column)) = (here.place[nodes.0], before.place[nodes.1]) else {
+            return;
+        };
+        let width = AXES * before.free.len();
+        let start = self.below[slot].start;
+        for i in 0..AXES {
+            for j in 0..AXES {
+                values[start + (AXES * row + i) * width + AXES * column + j] += block[(i, j)];
+            }
+        }
+    }
+
+    /// Adds `scale` times the Hessian of a constraint function on one configuration.
+    fn add_function(
+        &self,
+        values: &mut [f64],
+        slot: usize,
+        function: ConstraintFunction,
+        scale: f64,
+    ) {
+        if scale == 0.0 || self.slots[slot].free.is_empty() {
+            return;
+        }
+        let nodes = function.nodes(self.robot);
+        let positions = nodes.positions(self.robot, self.slot_coordinates(slot));
+        let blocks = function.hessian(self.robot.limits(), &positions);
+        for (i, &a) in nodes.as_slice().iter().enumerate() {
+            for (j, &b) in nodes.as_slice().iter().enumerate() {
+                self.add_diagonal(values, slot, (a, b), &(blocks[i][j] * scale));
+            }
+        }
+    }
+
+    fn row_value(&self, row: &Row) -> f64 {
+        let robot = self.robot;
+        match row {
+            Row::Function { slot, function } => {
+                let nodes = function.nodes(robot);
+                let positions = nodes.positions(robot, self.slot_coordinates(*slot));
+                function.value(robot.limits(), &positions)
+            }
+            Row::Balance { slot, line, .. } => {
+                line.outside(&robot.centre_of_mass(self.slot_coordinates(*slot)))
+            }
+            Row::Landing {
+                slot,
+                landed,
+                pivot,
+                ..
+            } => (Dimension::Three.node(self.slot_coordinates(*slot), *landed) - pivot).norm(),
+            Row::Move { slot, node, limit } => {
+                let squared = self.displacement(*slot, *node).norm_squared();
+                0.5 * (squared - limit * limit) / limit
+            }
+            Row::TipChange { slot, member, .. } => {
+                let members = robot.graph().num_members();
+                self.lengths[(slot + 1) * members + member] - self.lengths[slot * members + member]
+            }
+            Row::Rigidity { slot, least } => {
+                RigidityFunction::at(robot, self.slot_coordinates(*slot), *least).value()
+            }
+            Row::Periodic { node, role, axis } => {
+                let Ends::Periodic { map, .. } = &self.ends else {
+                    return 0.0;
+                };
+                let image = map.apply(&Dimension::Three.node(self.slot_coordinates(0), *role));
+                let last = self.slot_coordinates(self.slots.len() - 1);
+                Dimension::Three.node(last, *node)[*axis] - image[*axis]
+            }
+        }
+    }
+
+    /// Displacement of a node from a configuration to the next.
+    fn displacement(&self, slot: usize, node: usize) -> Vector3<f64> {
+        Dimension::Three.node(self.slot_coordinates(slot + 1), node)
+            - Dimension::Three.node(self.slot_coordinates(slot), node)
+    }
+
+    /// Calls `entry` with configuration, node and gradient for every node that a row depends on,
+    /// in the same order at every point. Held nodes are left out.
+    fn row_gradient(&mut self, row: &Row, mut entry: impl FnMut(usize, Vector3<f64>)) {
+        let robot = self.robot;
+        let mut emit = |slots: &[Slot], slot: usize, node: usize, gradient: Vector3<f64>| {
+            if let Some(place) = slots[slot].place[node] {
+                entry(slots[slot].offset + AXES * place, gradient);
+            }
+        };
+        match row {
+            Row::Function { slot, function } => {
+                let nodes = function.nodes(robot);
+                let positions = nodes.positions(robot, self.slot_coordinates(*slot));
+                let gradient = function.gradient(robot.limits(), &positions);
+                for (&node, gradient) in nodes.as_slice().iter().zip(gradient) {
+                    emit(&self.slots, *slot, node, gradient);
+                }
+            }
+            Row::Balance { slot, line, .. } => {
+                for (node, fraction) in robot.mass_fractions().iter().enumerate() {
+                    emit(&self.slots, *slot, node, line.outward * *fraction);
+                }
+            }
+            Row::Landing {
+                slot,
+                landed,
+                pivot,
+                ..
+            } => {
+                let node = Dimension::Three.node(self.slot_coordinates(*slot), *landed);
+                emit(&self.slots, *slot, *landed, (node - pivot).normalize());
+            }
+            Row::Move { slot, node, limit } => {
+                let gradient = self.displacement(*slot, *node) / *limit;
+                emit(&self.slots, *slot, *node, -gradient);
+                emit(&self.slots, slot + 1, *node, gradient);
+            }
+            Row::TipChange { slot, member, .. } => {
+                let [a, b] = robot.graph().members()[*member];
+                for (slot, sign) in [(*slot, -1.0), (slot + 1, 1.0)] {
+                    let direction = self.direction(slot, *member) * sign;
+                    emit(&self.slots, slot, a, direction);
+                    emit(&self.slots, slot, b, -direction);
+                }
+            }
+            Row::Rigidity { slot, least } => {
+                let mut gradient = std::mem::take(&mut self.rigidity_gradient);
+                let coordinates = self.slot_coordinates(*slot);
+                RigidityFunction::at(robot, coordinates, *least).gradient(
+                    robot,
+                    coordinates,
+                    &mut gradient,
+                );
+                for node in 0..robot.graph().num_nodes() {
+                    emit(
+                        &self.slots,
+                        *slot,
+                        node,
+                        Dimension::Three.node(&gradient, node),
+                    );
+                }
+                self.rigidity_gradient = gradient;
+            }
+            Row::Periodic { node, role, axis } => {
+                let Ends::Periodic { map, .. } = &self.ends else {
+                    return;
+                };
+                let mut unit = Vector3::zeros();
+                unit[*axis] = 1.0;
+                let pulled_back = map.inverse().apply_direction(&unit);
+                emit(&self.slots, self.slots.len() - 1, *node, unit);
+                emit(&self.slots, 0, *role, -pulled_back);
+            }
+        }
+    }
+
+    /// The physical constraint that a row of the problem stands for, for reports.
+    pub(super) fn describe(&self, row: usize) -> String {
+        match &self.rows[row] {
+            Row::Function { slot, function } => {
+                format!(
+                    "{} at configuration {slot}",
+                    function.describe(self.robot, true)
+                )
+            }
+            Row::Balance {
+                slot, tips: false, ..
+            } => {
+                format!("centre of mass inside the support at configuration {slot}")
+            }
+            Row::Balance { slot, .. } => {
+                format!("centre of mass above the side rolled over at configuration {slot}")
+            }
+            Row::Landing { slot, landed, .. } => {
+                format!("landing place of node {landed} at configuration {slot}")
+            }
+            Row::Move { slot, node, .. } => {
+                format!("step of node {node} after configuration {slot}")
+            }
+            Row::TipChange { slot, member, .. } => {
+                format!("length change of member {member} in the roll after configuration {slot}")
+            }
+            Row::Rigidity { slot, .. } => format!("rigidity index at configuration {slot}"),
+            Row::Periodic { node, .. } => format!("periodicity at node {node}"),
+        }
+    }
+}
+
+impl Nlp for MotionProblem<'_> {
+    fn num_variables(&self) -> usize {
+        self.num_variables
+    }
+
+    fn num_constraints(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn variable_bounds(&self, lower: &mut [f64], _upper: &mut [f64]) {
+        for height in lower.iter_mut().skip(2).step_by(AXES) {
+            *height = 0.0;
+        }
+    }
+
+    fn constraint_bounds(&self, lower: &mut [f64], upper: &mut [f64]) {
+        for ((row, lower), upper) in self.rows.iter().zip(lower).zip(upper) {
+            match row {
+                Row::Function { function, .. } => {
+                    (*lower, *upper) = function.bounds(self.robot.limits());
+                }
+                Row::Balance { tips, .. } => {
+                    *upper = 0.0;
+                    if *tips {
+                        *lower = 0.0;
+                    }
+                }
+                Row::Landing { distance, .. } => (*lower, *upper) = (*distance, *distance),
+                Row::Move { .. } => *upper = 0.0,
+                Row::TipChange { limit, .. } => (*lower, *upper) = (-limit, *limit),
+                Row::Rigidity { .. } => *lower = 0.0,
+                Row::Periodic { .. } => (*lower, *upper) = (0.0, 0.0),
+            }
+        }
+    }
+
+    fn jacobian_pattern(&self) -> TripletPattern {
+        let mut pattern = TripletPattern::new();
+        let mut push = |row: usize, slot: usize, node: usize| {
+            if let Some(place) = self.slots[slot].place[node] {
+                let first = self.slots[slot].offset + AXES * place;
+                pattern.push_row(row, first..first + AXES);
+            }
+        };
+        let nodes = self.robot.graph().num_nodes();
+        for (index, row) in self.rows.iter().enumerate() {
+            match row {
+                Row::Function { slot, function } => {
+                    for &node in function.nodes(self.robot).as_slice() {
+                        push(index, *slot, node);
+                    }
+                }
+                Row::Balance { slot, .. } | Row::Rigidity { slot, .. } => {
+                    (0..nodes).for_each(|node| push(index, *slot, node));
+                }
+                Row::Landing { slot, landed, .. } => push(index, *slot, *landed),
+                Row::Move { slot, node, .. } => {
+                    push(index, *slot, *node);
+                    push(index, slot + 1, *node);
+                }
+                Row::TipChange { slot, member, .. } => {
+                    let [a, b] = self.robot.graph().members()[*member];
+                    for slot in [*slot, slot + 1] {
+                        push(index, slot, a);
+                        push(index, slot, b);
+                    }
+                }
+                Row::Periodic { node, role, .. } => {
+                    push(index, self.slots.len() - 1, *node);
+                    push(index, 0, *role);
+                }
+            }
+        }
+        pattern
+    }
+
+    fn objective(&mut self, x: &[f64]) -> f64 {
+        self.place(x);
+        self.compute_lengths();
+        let members = self.robot.graph().num_members();
+        let mut total = 0.0;
+        for (slot, pair) in self
+            .lengths
+            .windows(2 * members)
+            .step_by(members)
+            .enumerate()
+        {
+            let (here, next) = pair.split_at(members);
+            let squared: f64 = here.iter().zip(next).map(|(a, b)| (b - a) * (b - a)).sum();
+            total += self.weight(slot) * squared;
+        }
+        total
+    }
+
+    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) {
+        self.place(x);
+        self.compute_lengths();
+        self.compute_length_slopes();
+        gradient.fill(0.0);
+        let members = self.robot.graph().num_members();
+        for (index, slot) in self.slots.iter().enumerate() {
+            if slot.free.is_empty() {
+                continue;
+            }
+            for member in 0..members {
+                let slope = self.length_slopes[index * members + member];
+                let push = self.direction(index, member) * slope;
+                let [a, b] = self.robot.graph().members()[member];
+                for (node, push) in [(a, push), (b, -push)] {
+                    if let Some(place) = slot.place[node] {
+                        let first = slot.offset + AXES * place;
+                        for axis in 0..AXES {
+                            gradient[first + axis] += push[axis];
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn constraints(&mut self, x: &[f64], values: &mut [f64]) {
+        self.place(x);
+        self.compute_lengths();
+        for (value, row) in values.iter_mut().zip(&self.rows) {
+            *value = self.row_value(row);
+        }
+    }
+
+    fn jacobian(&mut self, x: &[f64], values: &mut [f64]) {
+        self.place(x);
+        let rows = std::mem::take(&mut self.rows);
+        let mut next = 0;
+        for row in &rows {
+            self.row_gradient(row, |_, gradient| {
+                values[next..next + AXES].copy_from_slice(gradient.as_slice());
+                next += AXES;
+            });
+        }
+        self.rows = rows;
+    }
+
+    fn hessian_kind(&self) -> Hessian {
+        Hessian::Lagrangian
+    }
+
+    fn hessian_pattern(&self) -> TripletPattern {
+        let mut pattern = TripletPattern::new();
+        for (index, slot) in self.slots.iter().enumerate() {
+            let unknowns = AXES * slot.free.len();
+            for row in 0..unknowns {
+                pattern.push_row(slot.offset + row, slot.offset..=slot.offset + row);
+            }
+            if index > 0 {
+                let before = &self.slots[index - 1];
+                for row in 0..unknowns {
+                    let columns = before.offset..before.offset + AXES * before.free.len();
+                    pattern.push_row(slot.offset + row, columns);
+                }
+            }
+        }
+        pattern
+    }
+
+    fn hessian(&mut self, x: &[f64], weight: f64, multipliers: &[f64], values: &mut [f64]) {
+        self.place(x);
+        self.compute_lengths();
+        self.compute_length_slopes();
+        values.fill(0.0);
+        let members = self.robot.graph().num_members();
+        let last = self.slots.len() - 1;
+        for slot in 0..=last {
+            let neighbours = (if slot > 0 { self.weight(slot - 1) } else { 0.0 })
+                + (if slot < last { self.weight(slot) } else { 0.0 });
+            for member in 0..members {
+                let [a, b] = self.robot.graph().members()[member];
+                let slope = self.length_slopes[slot * members + member];
+                let function = ConstraintFunction::Length(member);
+                self.add_function(values, slot, function, weight * slope);
+                let here = self.direction(slot, member);
+                let own = here * here.transpose() * (2.0 * weight * neighbours);
+                for (p, q, sign) in [(a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)] {
+                    self.add_diagonal(values, slot, (p, q), &(own * sign));
+                }
+                if slot > 0 {
+                    let before = self.direction(slot - 1, member);
+                    let factor = -2.0 * weight * self.weight(slot - 1);
+                    let cross = here * before.transpose() * factor;
+                    for (p, q, sign) in [(a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)] {
+                        self.add_below(values, slot, (p, q), &(cross * sign));
+                    }
+                }
+            }
+        }
+        for (row, &multiplier) in self.rows.iter().zip(multipliers) {
+            if multiplier == 0.0 {
+                continue;
+            }
+            match row {
+                Row::Function { slot, function } => {
+                    self.add_function(values, *slot, *function, multiplier);
+                }
+                Row::Landing {
+                    slot,
+                    landed,
+                    pivot,
+                    ..
+                } => {
+                    let node = Dimension::Three.node(self.slot_coordinates(*slot), *landed);
+                    let (unit, length) = ((node - pivot).normalize(), (node - pivot).norm());
+                    let block = (Matrix3::identity() - unit * unit.transpose()) / length;
+                    let nodes = (*landed, *landed);
+                    self.add_diagonal(values, *slot, nodes, &(block * multiplier));
+                }
+                Row::Move { slot, node, limit } => {
+                    let block = Matrix3::from_diagonal_element(multiplier / limit);
+                    self.add_diagonal(values, *slot, (*node, *node), &block);
+                    self.add_diagonal(values, slot + 1, (*node, *node), &block);
+                    self.add_below(values, slot + 1, (*node, *node), &(-block));
+                }
+                Row::TipChange { slot, member, .. } => {
+                    let function = ConstraintFunction::Length(*member);
+                    self.add_function(values, *slot, function, -multiplier);
+                    self.add_function(values, slot + 1, function, multiplier);
+                }
+                Row::Balance { .. } | Row::Rigidity { .. } | Row::Periodic { .. } => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,562 @@
+//! Solving for motion primitives: from a guess, from nothing, and by extension of shorter ones.
+//!
+//! The search from nothing needs no knowledge of the tip shape. It first solves a motion of three
+//! steps (start, tip, after the roll, end) from random placements of the free nodes; this finds
+//! candidate tip shapes. The cheapest distinct ones are carried on to a motion with few steps and
+//! from there to the full one, by linear interpolation in a frame that turns with the roll. All
+//! attempts are reported.
+
+use nalgebra::Vector3;
+use rand::{Rng, RngExt};
+use tensegra_optim::{DenseSqp, SparseSqp, SqpOptions, SqpReport, SqpStatus};
+
+use super::motion::{Ends, MotionProblem, MotionSpec};
+use super::sequence::{SequenceRoll, Stance, SymmetricRobot, Turn, straight_strip};
+use super::{Gait, Primitive, PrimitiveError, PrimitiveOptions};
+use crate::support::{landing_angle, turn};
+use crate::{GroundIsometry, Robot};
+
+/// Steps of the coarse motion.
+const COARSE_STEPS: usize = 14;
+/// Weight of the roll in the three-step problem, so that the shapes before and after it agree.
+const TIP_WEIGHT: f64 = 20.0;
+/// Tip shapes whose costs agree this closely are the same.
+const SAME_COST: f64 = 1e-3;
+/// Constraints are met to this tolerance.
+const FEASIBILITY: f64 = 1e-8;
+/// One attempt of a search.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrimitiveAttempt {
+    /// Number of steps of the motion: 3 for a tip shape.
+    pub steps: usize,
+    /// Objective of the final point.
+    pub cost: f64,
+    /// Largest violation of a constraint at the final point.
+    pub violation: f64,
+    /// Iterations of the solver.
+    pub iterations: usize,
+    /// Whether the solver converged.
+    pub converged: bool,
+}
+
+impl PrimitiveAttempt {
+    fn new(steps: usize, report: &SqpReport) -> Self {
+        Self {
+            steps,
+            cost: report.objective,
+            violation: report.residuals.infeasibility,
+            iterations: report.iterations,
+            converged: report.is_converged(),
+        }
+    }
+
+    /// Whether the final point meets all constraints.
+    #[must_use]
+    pub fn is_feasible(&self) -> bool {
+        self.violation <= 1e-6
+    }
+}
+
+/// Outcome of a search for a primitive: the best and all attempts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrimitiveSearch {
+    /// The best motion found.
+    pub best: Primitive,
+    /// All attempts in the order in which they were made.
+    pub attempts: Vec<PrimitiveAttempt>,
+}
+
+/// Outcome of a search for a periodic gait.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GaitSearch {
+    /// The gait.
+    pub best: Gait,
+    /// All attempts in the order in which they were made.
+    pub attempts: Vec<PrimitiveAttempt>,
+}
+
+/// The parts that all problems of one sequence share.
+struct Sequence<'a> {
+    robot: &'a Robot,
+    stances: Vec<Stance>,
+    rolls: Vec<SequenceRoll>,
+}
+
+impl<'a> Sequence<'a> {
+    fn new(symmetric: &'a SymmetricRobot, turns: &[Turn]) -> Result<Self, PrimitiveError> {
+        let (stances, rolls) = symmetric.sequence(turns).ok_or(PrimitiveError::Sequence)?;
+        let robot = symmetric.robot();
+        for stance in &stances {
+            if let Some((constraint, violation)) = robot
+                .violations(&stance.coordinates, FEASIBILITY)
+                .into_iter()
+                .next()
+            {
+                let constraint = constraint.to_string();
+                return Err(PrimitiveError::StartInfeasible {
+                    constraint,
+                    violation,
+                });
+            }
+        }
+        Ok(Self {
+            robot,
+            stances,
+            rolls,
+        })
+    }
+
+    /// The problem with `steps` steps a roll. The bound on node steps grows with their size, so
+    /// that a coarse motion may go as far as a fine one.
+    fn problem(&self, options: &PrimitiveOptions, steps: usize, tip: usize) -> MotionProblem<'a> {
+        let coarseness = options.steps as f64 / steps as f64;
+        MotionProblem::new(
+            self.robot,
+            &MotionSpec {
+                stances: &self.stances,
+                rolls: &self.rolls,
+                steps,
+                tip,
+                max_move: (steps > 3).then_some(self.robot.limits().max_move * coarseness),
+                max_tip_change: options.max_tip_change.filter(|_| steps > 3),
+                tip_weight: if steps > 3 { 1.0 } else { TIP_WEIGHT },
+                ends: Ends::Fixed,
+            },
+        )
+    }
+
+    /// The shape `tip` before a roll, turned over the side so that the landing node stands where
+    /// the next stance has it.
+    fn after_roll(&self, roll: usize, tip: &[f64]) -> Vec<f64> {
+        let (stance, next) = (&self.stances[roll], &self.stances[roll + 1]);
+        let SequenceRoll {
+            side,
+            pivots,
+            landed,
+            ..
+        } = &self.rolls[roll];
+        let line = stance
+            .support
+            .side_line(self.robot.dimension(), &stance.coordinates, *side);
+        let angle = landing_angle(self.robot, tip, &line, *landed);
+        let mut turned = tip.to_vec();
+        turn(self.robot, &mut turned, &line, angle, pivots);
+        for &node in next.support.nodes() {
+            let place = self.robot.dimension().node(&next.coordinates, node);
+            self.robot.dimension().set_node(&mut turned, node, &place);
+        }
+        turned
+    }
+
+    /// The motion start → tip → end of one roll by linear interpolation.
+    fn through_tip(&self, tip: &[f64], steps: usize, tip_index: usize) -> Vec<Vec<f64>> {
+        let after = self.after_roll(0, tip);
+        (0..=steps)
+            .map(|step| {
+                if step <= tip_index {
+                    let time = step as f64 / tip_index as f64;
+                    interpolate(&self.stances[0].coordinates, tip, time)
+                } else {
+                    let time = (step - tip_index - 1) as f64 / (steps - tip_index - 1) as f64;
+                    interpolate(&after, &self.stances[1].coordinates, time)
+                }
+            })
+            .collect()
+    }
+}
+
+fn interpolate(from: &[f64], to: &[f64], time: f64) -> Vec<f64> {
+    from.iter()
+        .zip(to)
+        .map(|(a, b)| a + time * (b - a))
+        .collect()
+}
+
+/// Resamples a part of a motion between two configurations that are kept.
+fn resample(part: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
+    let last = part.len() - 1;
+    (0..count)
+        .map(|k| {
+            let position = last as f64 * k as f64 / (count - 1).max(1) as f64;
+            let index = (position as usize).min(last.saturating_sub(1));
+            let next = (index + 1).min(last);
+            interpolate(&part[index], &part[next], position - index as f64)
+        })
+        .collect()
+}
+
+fn sqp_options(options: &PrimitiveOptions, radius: f64) -> SqpOptions {
+    SqpOptions::default()
+        .with_max_iterations(options.max_iterations)
+        .with_feasibility_tolerance(FEASIBILITY)
+        .with_initial_radius(radius)
+}
+
+/// Runs the sparse solver from a motion; returns the report and the final motion.
+fn solve(
+    problem: &mut MotionProblem<'_>,
+    guess: &[Vec<f64>],
+    options: &PrimitiveOptions,
+) -> Result<(SqpReport, Vec<Vec<f64>>), PrimitiveError> {
+    let mut x = problem.variables(guess);
+    let invalid = |reason: String| PrimitiveError::NotFound { reason };
+    let mut solver =
+        SparseSqp::new(sqp_options(options, 0.3)).map_err(|error| invalid(error.to_string()))?;
+    let report = solver
+        .solve(problem, &mut x)
+        .map_err(|error| invalid(error.to_string()))?;
+    Ok((report, problem.configurations(&x)))
+}
+
+/// Says how a run ended.
+fn reason(problem: &MotionProblem<'_>, report: &SqpReport) -> String {
+    match &report.status {
+        SqpStatus::Infeasible(unmet) => match unmet.first() {
+            Some(worst) => format!(
+                "the constraints cannot be met together, the worst is the {} (off by {:.2e})",
+                problem.describe(worst.constraint),
+                worst.violation.abs()
+            ),
+            None => "the constraints cannot be met together".to_owned(),
+        },
+        SqpStatus::IterationLimit => "the iteration limit was reached".to_owned(),
+        other => format!("the solver stopped with {other:?}"),
+    }
+}
+
+/// Optimises a one-roll primitive from a tip shape: the coordinates of the robot when its centre
+/// of mass is above the side rolled over.
+///
+/// # Errors
+/// See [`PrimitiveError`]; `NotFound` when the solver does not reach a feasible point.
+pub fn solve_primitive(
+    symmetric: &SymmetricRobot,
+    tip_shape: &[f64],
+    options: &PrimitiveOptions,
+) -> Result<(Primitive, PrimitiveAttempt), PrimitiveError> {
+    options.validate()?;
+    let sequence = Sequence::new(symmetric, &[])?;
+    if tip_shape.len() != symmetric.robot().num_coordinates() {
+        return Err(PrimitiveError::GuessLength {
+            expected: symmetric.robot().num_coordinates(),
+            found: tip_shape.len(),
+        });
+    }
+    let guess = sequence.through_tip(tip_shape, options.steps, options.tip);
+    finish(symmetric, &sequence, &[], &guess, options)
+}
+
+/// Solves the full problem of a sequence from a guess.
+fn finish(
+    symmetric: &SymmetricRobot,
+    sequence: &Sequence<'_>,
+    turns: &[Turn],
+    guess: &[Vec<f64>],
+    options: &PrimitiveOptions,
+) -> Result<(Primitive, PrimitiveAttempt), PrimitiveError> {
+    let mut problem = sequence.problem(options, options.steps, options.tip);
+    if guess.len() != problem.num_configurations() {
+        return Err(PrimitiveError::GuessLength {
+            expected: problem.num_configurations(),
+            found: guess.len(),
+        });
+    }
+    let (report, configurations) = solve(&mut problem, guess, options)?;
+    let attempt = PrimitiveAttempt::new(options.steps, &report);
+    if !attempt.is_feasible() {
+        return Err(PrimitiveError::NotFound {
+            reason: reason(&problem, &report),
+        });
+    }
+    let primitive = Primitive {
+        symmetric: symmetric.clone(),
+        turns: turns.to_vec(),
+        configurations,
+        supports: sequence
+            .stances
+            .iter()
+            .map(|stance| stance.support.clone())
+            .collect(),
+        rolls: problem.rolls().to_vec(),
+        end: sequence.stances[sequence.stances.len() - 1].clone(),
+    };
+    Ok((primitive, attempt))
+}
+
+/// Searches for a one-roll primitive without any knowledge of the tip shape.
+///
+/// # Errors
+/// See [`PrimitiveError`]; `NotFound` when no attempt reaches a feasible motion.
+pub fn find_primitive(
+    symmetric: &SymmetricRobot,
+    options: &PrimitiveOptions,
+    rng: &mut impl Rng,
+) -> Result<PrimitiveSearch, PrimitiveError> {
+    options.validate()?;
+    let sequence = Sequence::new(symmetric, &[])?;
+    let mut attempts = Vec::new();
+    let tips = find_tips(&sequence, options, rng, &mut attempts)?;
+    let mut best: Option<(f64, Primitive)> = None;
+    let mut failure = "no tip shape was found".to_owned();
+    let mut coarse_motions: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
+    let coarse_tip = COARSE_STEPS / 2;
+    let coarse = options.steps > COARSE_STEPS;
+    for tip in tips.iter().take(options.kept) {
+        if !coarse {
+            let guess = sequence.through_tip(tip, options.steps, options.tip);
+            coarse_motions.push((0.0, guess));
+            continue;
+        }
+        let guess = sequence.through_tip(tip, COARSE_STEPS, coarse_tip);
+        let mut problem = sequence.problem(options, COARSE_STEPS, coarse_tip);
+        let (report, motion) = solve(&mut problem, &guess, options)?;
+        let attempt = PrimitiveAttempt::new(COARSE_STEPS, &report);
+        if attempt.is_feasible() {
+            let new = |(cost, _): &(f64, Vec<Vec<f64>>)| {
+                (cost - attempt.cost).abs() > SAME_COST * attempt.cost
+            };
+            if coarse_motions.iter().all(new) {
+                let mut fine = resample(&motion[..=coarse_tip], options.tip + 1);
+                let after = options.steps - options.tip;
+                fine.extend(resample(&motion[coarse_tip + 1..], after));
+                coarse_motions.push((attempt.cost, fine));
+            }
+        } else {
+            failure = reason(&problem, &report);
+        }
+        attempts.push(attempt);
+    }
+    coarse_motions.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (coarse_cost, guess) in coarse_motions {
+        // The coarse cost scales with the number of steps; one far above the best is not worth
+        // refining.
+        let expected = coarse_cost * COARSE_STEPS as f64 / options.steps as f64;
+        if best
+            .as_ref()
+            .is_some_and(|(cost, _)| coarse && expected > 1.2 * cost)
+        {
+            break;
+        }
+        match finish(symmetric, &sequence, &[], &guess, options) {
+            Ok((primitive, attempt)) => {
+                if best.as_ref().is_none_or(|(cost, _)| attempt.cost < *cost) {
+                    best = Some((attempt.cost, primitive));
+                }
+                attempts.push(attempt);
+            }
+            Err(PrimitiveError::NotFound { reason }) => failure = reason,
+            Err(other) => return Err(other),
+        }
+    }
+    match best {
+        Some((_, best)) => Ok(PrimitiveSearch { best, attempts }),
+        None => Err(PrimitiveError::NotFound { reason: failure }),
+    }
+}
+
+/// Distinct feasible tip shapes of the first roll, the cheapest first.
+fn find_tips(
+    sequence: &Sequence<'_>,
+    options: &PrimitiveOptions,
+    rng: &mut impl Rng,
+    attempts: &mut Vec<PrimitiveAttempt>,
+) -> Result<Vec<Vec<f64>>, PrimitiveError> {
+    let robot = sequence.robot;
+    let invalid = |reason: String| PrimitiveError::NotFound { reason };
+    let stance = &sequence.stances[0];
+    let roll = &sequence.rolls[0];
+    let line = stance
+        .support
+        .side_line(robot.dimension(), &stance.coordinates, roll.side);
+    let pivots = roll
+        .pivots
+        .map(|node| robot.dimension().node(&stance.coordinates, node));
+    let middle = (pivots[0] + pivots[1]) * 0.5;
+    let side = (pivots[0] - pivots[1]).norm();
+    let landing = robot
+        .dimension()
+        .node(&sequence.stances[1].coordinates, roll.landed);
+    let reach = line.outside(&landing);
+    let along = (landing - middle).dot(&line.axis);
+
+    let mut problem = sequence.problem(options, 3, 1);
+    let mut solver = DenseSqp::new(sqp_options(options, 0.3).with_max_iterations(60))
+        .map_err(|error| invalid(error.to_string()))?;
+    let mut found: Vec<(f64, Vec<f64>)> = Vec::new();
+    for _ in 0..options.starts {
+        let mut tip = stance.coordinates.clone();
+        for node in (0..robot.graph().num_nodes()).filter(|&n| !stance.support.contains(n)) {
+            let (out, height) = if node == roll.landed {
+                let elevation = rng.random_range(0.1..2.4_f64);
+                (reach * elevation.cos(), reach * elevation.sin())
+            } else {
+                (
+                    side * rng.random_range(-1.0..1.0),
+                    side * rng.random_range(0.1..1.2),
+                )
+            };
+            let across = if node == roll.landed {
+                along
+            } else {
+                side * rng.random_range(-0.7..0.7)
+            };
+            let point = middle + line.outward * out + line.axis * across + Vector3::z() * height;
+            robot.dimension().set_node(&mut tip, node, &point);
+        }
+        let guess = sequence.through_tip(&tip, 3, 1);
+        let mut x = problem.variables(&guess);
+        let report = solver
+            .solve(&mut problem, &mut x)
+            .map_err(|error| invalid(error.to_string()))?;
+        let attempt = PrimitiveAttempt::new(3, &report);
+        if attempt.is_feasible() {
+            let new = |(cost, _): &(f64, _)| (cost - attempt.cost).abs() > SAME_COST * attempt.cost;
+            if found.iter().all(new) {
+                found.push((attempt.cost, problem.configurations(&x).swap_remove(1)));
+            }
+        }
+        attempts.push(attempt);
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(found.into_iter().map(|(_, tip)| tip).collect())
+}
+
+/// Optimises a primitive over several rolls, starting from a one-roll primitive repeated along
+/// the sequence. `turns` are those after the first roll.
+///
+/// # Errors
+/// See [`PrimitiveError`]; `NotFound` when the solver does not reach a feasible point.
+pub fn extend_primitive(
+    primitive: &Primitive,
+    turns: &[Turn],
+    options: &PrimitiveOptions,
+) -> Result<(Primitive, PrimitiveAttempt), PrimitiveError> {
+    options.validate()?;
+    let symmetric = primitive.symmetric_robot();
+    let sequence = Sequence::new(symmetric, turns)?;
+    let guess = repeated(primitive, &sequence)?;
+    finish(symmetric, &sequence, turns, &guess, options)
+}
+
+/// A one-roll primitive repeated along a sequence.
+fn repeated(
+    primitive: &Primitive,
+    sequence: &Sequence<'_>,
+) -> Result<Vec<Vec<f64>>, PrimitiveError> {
+    let mut motion = vec![sequence.stances[0].coordinates.clone()];
+    for (stance, roll) in sequence.stances.iter().zip(&sequence.rolls) {
+        let (placed, _) = primitive
+            .place(stance, roll.side, false)
+            .ok_or(PrimitiveError::Sequence)?;
+        motion.extend_from_slice(&placed.configurations[1..]);
+    }
+    Ok(motion)
+}
+
+/// Optimises a periodic gait along a straight strip (equation (39)), whose shape at the tip is
+/// free, starting from a one-roll primitive and from its tip shapes held still.
+///
+/// # Errors
+/// See [`PrimitiveError`]; `NotFound` when no attempt reaches a feasible gait.
+pub fn find_gait(
+    primitive: &Primitive,
+    options: &PrimitiveOptions,
+) -> Result<GaitSearch, PrimitiveError> {
+    options.validate()?;
+    let symmetric = primitive.symmetric_robot();
+    let robot = symmetric.robot();
+    let sequence = Sequence::new(symmetric, &straight_strip(2))?;
+    let (map, roles) = period(symmetric, &sequence).ok_or(PrimitiveError::Sequence)?;
+    let mut problem = MotionProblem::new(
+        robot,
+        &MotionSpec {
+            stances: &sequence.stances,
+            rolls: &sequence.rolls,
+            steps: options.steps,
+            tip: 0,
+            max_move: Some(robot.limits().max_move),
+            max_tip_change: options.max_tip_change,
+            tip_weight: 1.0,
+            ends: Ends::Periodic {
+                map,
+                roles: roles.clone(),
+            },
+        },
+    );
+
+    let twice = repeated(primitive, &sequence)?;
+    let (first, second) = (primitive.rolls[0], primitive.rolls[0] + options.steps);
+    let through_stance = twice[first..=second].to_vec();
+    // Straight from the shape after the roll to the next tipping shape.
+    let direct: Vec<Vec<f64>> = std::iter::once(through_stance[0].clone())
+        .chain((1..=options.steps).map(|step| {
+            let time = (step - 1) as f64 / (options.steps - 1) as f64;
+            interpolate(&through_stance[1], &through_stance[options.steps], time)
+        }))
+        .collect();
+    let mut attempts = Vec::new();
+    let mut best: Option<(f64, Vec<Vec<f64>>)> = None;
+    let mut failure = String::new();
+    for guess in [through_stance, direct] {
+        let (report, configurations) = solve(&mut problem, &guess, options)?;
+        let attempt = PrimitiveAttempt::new(options.steps, &report);
+        if !attempt.is_feasible() {
+            failure = reason(&problem, &report);
+        } else if best.as_ref().is_none_or(|(cost, _)| attempt.cost < *cost) {
+            best = Some((attempt.cost, configurations));
+        }
+        attempts.push(attempt);
+    }
+    let Some((_, configurations)) = best else {
+        return Err(PrimitiveError::NotFound { reason: failure });
+    };
+    let supports = [
+        sequence.stances[0].support.clone(),
+        sequence.stances[1].support.clone(),
+    ];
+    let best = Gait {
+        symmetric: symmetric.clone(),
+        configurations,
+        supports,
+        map,
+        roles,
+    };
+    Ok(GaitSearch { best, attempts })
+}
+
+/// The isometry and renaming that carry the first stance of a straight strip, with its roll, to
+/// the second.
+fn period(
+    symmetric: &SymmetricRobot,
+    sequence: &Sequence<'_>,
+) -> Option<(GroundIsometry, Vec<usize>)> {
+    let (stance, next) = (&sequence.stances[0], &sequence.stances[1]);
+    let dimension = symmetric.robot().dimension();
+    let (first, second) = (&sequence.rolls[0], &sequence.rolls[1]);
+    // The pivot that stays is the image of the one that lifts next: v₁ → v₂ while v₀ → v₁.
+    let lifts = second.lifted;
+    let stays = if first.pivots[0] == lifts {
+        first.pivots[1]
+    } else {
+        first.pivots[0]
+    };
+    let at = |stance: &Stance, node: usize| dimension.node(&stance.coordinates, node);
+    let from = [at(stance, first.lifted), at(stance, lifts)];
+    let to = [at(next, lifts), at(next, stays)];
+    [true, false].into_iter().find_map(|mirrored| {
+        let map = GroundIsometry::between_segments(from, to, mirrored, 1e-6)?;
+        let image = map.apply(&at(stance, stays));
+        if (image - at(next, second.pivots.iter().copied().find(|&n| n != stays)?)).norm() > 1e-6 {
+            return None;
+        }
+        let roles = super::symmetry::match_nodes(
+            symmetric.robot(),
+            &stance.coordinates,
+            &next.coordinates,
+            &map,
+            1e-6,
+        )
+        .ok()?;
+        Some((map, roles))
+    })
+}
