@@ -1,0 +1,6 @@
+//! Verdicts on configurations and paths that are known in closed form.
+
+mod configuration;
+mod input;
+mod motion;
+mod structures;
