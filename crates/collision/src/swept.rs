@@ -60,8 +60,8 @@ impl Certificate {
 ///
 /// ```
 /// use tensegra_collision::swept::displacement_bound;
-/// assert_eq!(displacement_bound(0.3, 0.2, 0.1), 0.2);
-/// assert_eq!(displacement_bound(0.3, 0.2, 0.4), 0.05);
+/// assert_eq!(displacement_bound(0.5, 0.25, 0.125), 0.25);
+/// assert_eq!(displacement_bound(0.5, 0.25, 0.5), 0.125);
 /// ```
 #[inline]
 #[must_use]

@@ -51,3 +51,6 @@ impl ClosestPoints {
 /// Shapes whose directions differ by an angle whose squared sine is below this count as parallel for the flag
 /// `unique`. The distance itself is computed as if they were not.
 pub(crate) const PARALLEL_SINE_SQUARED: f64 = 1e-14;
+
+/// Triangles whose sides enclose an angle with a squared sine below this have no normal worth using.
+pub(crate) const NEEDLE_SINE_SQUARED: f64 = 1e-16;

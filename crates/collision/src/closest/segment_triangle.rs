@@ -5,12 +5,14 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::{ClosestPoints, PARALLEL_SINE_SQUARED, closest_points_segment_segment};
+use super::{
+    ClosestPoints, NEEDLE_SINE_SQUARED, PARALLEL_SINE_SQUARED, closest_points_segment_segment,
+};
 
 /// The closest points of the segment from `a0` to `a1` (parameter `s`) and a triangle; the two coincide where the
 /// segment crosses it.
 ///
-/// A triangle without area is the union of its edges.
+/// A triangle without area (or with an angle below 1e-8) is the union of its edges.
 ///
 /// ```
 /// use nalgebra::Point3;
@@ -32,9 +34,10 @@ pub fn closest_points_segment_triangle(
     a1: &Point3<f64>,
     corners: &[Point3<f64>; 3],
 ) -> ClosestPoints {
-    let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+    let (ab, ac) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let normal = ab.cross(&ac);
     let squared = normal.norm_squared();
-    if squared > 0.0 {
+    if squared > NEEDLE_SINE_SQUARED * ab.norm_squared() * ac.norm_squared() {
         let axis = a1 - a0;
         let (h0, h1) = (
             normal.dot(&(a0 - corners[0])),

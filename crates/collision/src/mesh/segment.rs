@@ -11,7 +11,8 @@ use nalgebra::Point3;
 
 use super::{Mesh, SignedDistance, SurfacePoint, Triangle};
 use crate::closest::{
-    Feature, closest_points_point_triangle, closest_points_segment_segment, projects_inside,
+    Feature, PARALLEL_SINE_SQUARED, closest_points_point_triangle, closest_points_segment_segment,
+    projects_inside,
 };
 use crate::query::{AxisWitness, TOUCHING};
 
@@ -19,6 +20,8 @@ use crate::query::{AxisWitness, TOUCHING};
 const DEPTH_TOLERANCE: f64 = 1e-9;
 /// … unless this many points do not suffice.
 const DEPTH_POINTS: usize = 64;
+/// What rounding may move a projected point out of its triangle, as twice an area relative to the squared size.
+const SLIVER: f64 = 1e-14;
 
 /// The segment from `a` to `b`, in the frame of the mesh. `hint` is a triangle to begin with; it receives the one
 /// found.
@@ -77,7 +80,7 @@ pub(crate) fn axis_mesh(
 struct Search<'a> {
     a: &'a Point3<f64>,
     b: &'a Point3<f64>,
-    /// What rounding may move a projected point out of its triangle, as twice an area.
+    length_squared: f64,
     slack: f64,
     squared: f64,
     s: f64,
@@ -90,7 +93,8 @@ impl<'a> Search<'a> {
         Self {
             a,
             b,
-            slack: 1e-14 * mesh.size * mesh.size,
+            length_squared: (b - a).norm_squared(),
+            slack: SLIVER * mesh.size * mesh.size,
             squared: f64::INFINITY,
             s: 0.0,
             at: SurfacePoint {
@@ -116,17 +120,18 @@ impl<'a> Search<'a> {
         if height * height >= self.squared {
             return;
         }
-        let point = self.a + (self.b - self.a) * s;
-        if projects_inside(&point, &triangle.corners, &triangle.normal, self.slack) {
-            self.squared = height * height;
-            self.s = s;
-            self.at = SurfacePoint {
-                triangle: index,
-                feature: Feature::Face,
-                point: point - triangle.normal * height,
-            };
-            self.unique = (ha - hb).abs() > 1e-7 * (self.b - self.a).norm() || self.a == self.b;
-            return;
+        // Along the face, rounding decides which end is lower, and neighbours in the same plane may disagree.
+        let level = (ha - hb).powi(2) <= PARALLEL_SINE_SQUARED * self.length_squared;
+        if !level || self.length_squared == 0.0 {
+            if self.try_face(index, triangle, s, height) {
+                return;
+            }
+        } else {
+            let first = self.try_face(index, triangle, 0.0, ha);
+            let last = self.try_face(index, triangle, 1.0, hb);
+            if first || last {
+                self.unique = false;
+            }
         }
         for k in 0..3u8 {
             if triangle.edges >> k & 1 == 0 {
@@ -144,17 +149,30 @@ impl<'a> Search<'a> {
                 self.unique = pair.unique;
                 self.at = SurfacePoint {
                     triangle: index,
-                    feature: if pair.t == 0.0 {
-                        Feature::Corner(k)
-                    } else if pair.t == 1.0 {
-                        Feature::Corner((k + 1) % 3)
-                    } else {
-                        Feature::Edge(k)
-                    },
+                    feature: Feature::of_edge(k, pair.t),
                     point: pair.on_b,
                 };
             }
         }
+    }
+
+    /// Whether the point at `s`, at this height over a triangle, is over its inside and closest so far.
+    #[inline(always)]
+    fn try_face(&mut self, index: usize, triangle: &Triangle, s: f64, height: f64) -> bool {
+        let point = self.a + (self.b - self.a) * s;
+        let closer = height * height < self.squared
+            && projects_inside(&point, &triangle.corners, &triangle.normal, self.slack);
+        if closer {
+            self.squared = height * height;
+            self.s = s;
+            self.unique = true;
+            self.at = SurfacePoint {
+                triangle: index,
+                feature: Feature::Face,
+                point: point - triangle.normal * height,
+            };
+        }
+        closer
     }
 }
 
@@ -165,7 +183,8 @@ struct Probe {
     signed: SignedDistance,
 }
 
-/// The point of the segment of least signed distance; `touch` is the parameter of a point on the surface.
+/// The point of the segment of least signed distance; `touch` is the parameter of a point on the surface, or of any
+/// point of a segment that lies inside.
 #[cold]
 fn deepest(a: &Point3<f64>, b: &Point3<f64>, mesh: &Mesh, touch: f64) -> AxisWitness {
     let axis = b - a;
@@ -175,44 +194,93 @@ fn deepest(a: &Point3<f64>, b: &Point3<f64>, mesh: &Mesh, touch: f64) -> AxisWit
         signed: mesh.signed_distance(&(a + axis * s)),
     };
     let mut best = probe(touch);
-    let mut kink = false;
-    if length > 0.0 {
-        let (first, middle, last) = (probe(0.0), best, probe(1.0));
-        for end in [first, last] {
-            if end.signed.distance < best.signed.distance {
-                best = end;
+    let mut points = DEPTH_POINTS;
+    let mut left = probe(0.0);
+    while left.s < 1.0 && points > 0 {
+        points -= 1;
+        // Between two crossings the segment is inside or outside as a whole.
+        let right = probe(next_crossing(a, b, mesh, left.s));
+        let middle = probe(0.5 * (left.s + right.s));
+        if middle.signed.distance < 0.0 {
+            for end in [left, right, middle] {
+                if end.signed.distance < best.signed.distance {
+                    best = end;
+                }
+            }
+            // Intervals still to be searched: every step takes one and leaves at most two.
+            let mut open = [(left, middle); DEPTH_POINTS + 2];
+            open[1] = (middle, right);
+            let mut count = 2;
+            while count > 0 && points > 0 {
+                points -= 1;
+                count -= 1;
+                let (left, right) = open[count];
+                let known = best.signed.distance;
+                let Some(s) = promising(a, b, mesh, &left, &right, known, length) else {
+                    continue;
+                };
+                let between = probe(s);
+                if between.signed.distance < known {
+                    best = between;
+                }
+                open[count] = (left, between);
+                open[count + 1] = (between, right);
+                count += 2;
             }
         }
-        // Intervals still to be searched: every step takes one and leaves at most two.
-        let mut open = [(middle, last); DEPTH_POINTS + 2];
-        open[1] = (first, middle);
-        let mut count = 2;
-        for _ in 0..DEPTH_POINTS {
-            if count == 0 {
-                break;
-            }
-            count -= 1;
-            let (left, right) = open[count];
-            let Some(s) = promising(a, b, mesh, &left, &right, best.signed.distance, length) else {
-                continue;
-            };
-            let between = probe(s);
-            if between.signed.distance < best.signed.distance {
-                best = between;
-                // Deepest between two walls, the gradient jumps and is not across the segment.
-                kink = between.signed.gradient.dot(&axis).abs() > 1e-6 * length;
-            }
-            open[count] = (left, between);
-            open[count + 1] = (between, right);
-            count += 2;
-        }
+        left = right;
     }
+    // Deepest half-way between two walls, the gradient jumps and is not across the segment.
+    let along = best.signed.gradient.dot(&axis).abs();
     AxisWitness {
         distance: best.signed.distance,
         normal: best.signed.gradient,
         s: best.s,
-        unique: !kink,
+        unique: best.s == 0.0 || best.s == 1.0 || along <= 1e-3 * length,
     }
+}
+
+/// The least parameter after `after` at which the segment crosses the surface, or 1.
+fn next_crossing(a: &Point3<f64>, b: &Point3<f64>, mesh: &Mesh, after: f64) -> f64 {
+    let axis = b - a;
+    let inverse = axis.map(f64::recip);
+    let slack = SLIVER * mesh.size * mesh.size;
+    let after = after + 1e-12;
+    mesh.tree.visit(
+        1.0,
+        |node| {
+            let (mut enters, mut leaves) = (after, 1f64);
+            for k in 0..3 {
+                let (p, q) = (
+                    (node.min[k] - a[k]) * inverse[k],
+                    (node.max[k] - a[k]) * inverse[k],
+                );
+                // Not a number where the segment runs in the plane of a face; `max` and `min` then ignore it.
+                enters = enters.max(p.min(q));
+                leaves = leaves.min(p.max(q));
+            }
+            // A box may be flat: leave room for rounding.
+            if enters <= leaves + 1e-12 {
+                enters
+            } else {
+                f64::INFINITY
+            }
+        },
+        |range, limit| {
+            mesh.triangles[range].iter().fold(limit, |limit, triangle| {
+                let (ha, hb) = (triangle.height(a), triangle.height(b));
+                let s = ha / (ha - hb);
+                let crosses = ha * hb <= 0.0 && s > after && s < limit;
+                if crosses
+                    && projects_inside(&(a + axis * s), &triangle.corners, &triangle.normal, slack)
+                {
+                    s
+                } else {
+                    limit
+                }
+            })
+        },
+    )
 }
 
 /// Where between two probes a point may be deeper than `best` (a signed distance), or `None` if none can.
