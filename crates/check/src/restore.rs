@@ -617,3 +617,162 @@ fn equations(structure: &Structure, incident: &[Vec<(usize, bool)>]) -> Vec<Equa
     }
     equations
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+    use tensegra_model::{
+        Anchor, Appearance, Attachment, Element, ElementKind, FixedCoordinate, Interval, Node,
+    };
+
+    use super::*;
+
+    fn element(index: usize, nodes: [usize; 2], law: ForceLaw, length: Interval) -> Element {
+        Element {
+            name: format!("e{index}"),
+            kind: ElementKind::Bar,
+            nodes,
+            length,
+            law,
+            force: Interval::new(f64::NEG_INFINITY, f64::INFINITY),
+            radius: 0.01,
+            appearance: Appearance::default(),
+            dynamics: Vec::new(),
+        }
+    }
+
+    /// Five nodes in space with an equation of every kind. Not an equilibrium.
+    fn everything() -> (Structure, Configuration) {
+        let range = Interval::new(0.0, 5.0);
+        let elastic = |stiffness, rest| ForceLaw::Linear { stiffness, rest };
+        let constant = Interval::constant(1.1);
+        let mut elements: Vec<Element> = [
+            ([0, 1], ForceLaw::Free, constant),
+            ([1, 2], elastic(3.0, range), range),
+            ([2, 3], elastic(7.0, range), range),
+            ([3, 0], elastic(2.0, Interval::constant(0.4)), range),
+            ([0, 2], elastic(0.0, range), range),
+            ([1, 3], ForceLaw::None, constant),
+            ([2, 4], ForceLaw::Free, range),
+            ([4, 0], ForceLaw::Free, range),
+        ]
+        .into_iter()
+        .enumerate()
+        .map(|(index, (nodes, law, length))| element(index, nodes, law, length))
+        .collect();
+        elements[6].force = Interval::constant(0.3);
+        let rotation = Rotation3::from_euler_angles(0.3, -0.2, 1.1);
+        let couplings = vec![
+            Coupling::Length {
+                reference: 1,
+                followers: vec![(2, 1.2)],
+            },
+            Coupling::Rest {
+                reference: 1,
+                followers: vec![(2, 0.7)],
+            },
+            Coupling::Force {
+                reference: 0,
+                followers: vec![(7, -0.5)],
+            },
+            Coupling::Orientation {
+                reference: 3,
+                followers: vec![(6, rotation)],
+            },
+        ];
+        let node = |index: usize| Node {
+            name: format!("n{index}"),
+            balanced: index != 4,
+            load: Vector3::new(0.1, -0.2, 0.05 * index as f64),
+        };
+        let anchor = |node: usize, x: f64, y: f64| Anchor {
+            local: Point3::new(x, y, 0.0),
+            node,
+        };
+        let structure = Structure {
+            dimension: 3,
+            nodes: (0..5).map(node).collect(),
+            elements,
+            couplings,
+            attachments: vec![Attachment {
+                name: "plate".to_owned(),
+                shapes: Vec::new(),
+                anchors: [
+                    anchor(1, 0.0, 0.0),
+                    anchor(3, 1.0, 0.0),
+                    anchor(4, 0.3, 0.8),
+                ],
+            }],
+            fixed: vec![FixedCoordinate {
+                node: 0,
+                axis: 1,
+                value: 0.1,
+            }],
+            base_range: None,
+            pretension: Some(2.0),
+        };
+        let positions = [
+            [0.0, 0.1, 0.0],
+            [1.0, 0.2, -0.1],
+            [0.8, 1.1, 0.4],
+            [-0.2, 0.9, 0.7],
+            [0.4, -0.3, 1.2],
+        ]
+        .map(|[x, y, z]| Point3::new(x, y, z));
+        let forces = [-0.7, 0.4, 0.9, 1.3, 0.1, 0.0, 0.2, -1.1];
+        let configuration = Configuration {
+            positions: positions.to_vec(),
+            lengths: vec![0.0; 8],
+            rest_lengths: vec![Some(0.5); 8],
+            forces: forces
+                .iter()
+                .enumerate()
+                .map(|(i, &f)| (i != 5).then_some(f))
+                .collect(),
+        };
+        (structure, configuration)
+    }
+
+    #[test]
+    fn gradients_agree_with_central_differences() {
+        let (structure, configuration) = everything();
+        let mut restorer = Restorer::new(&structure, 1.7);
+        restorer.force_scale = 1.3;
+        restorer.evaluate(&configuration, true);
+        let gradients = restorer.gradients.clone();
+        let step = 1e-6;
+        for unknown in 0..gradients.nrows() {
+            restorer.step.fill(0.0);
+            restorer.step[unknown] = step;
+            let mut at = |share: f64| {
+                let mut moved = configuration.clone();
+                restorer.advance(&mut moved, share);
+                restorer.evaluate(&moved, false);
+                restorer.residual.clone()
+            };
+            let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
+            let error = (gradients.row(unknown).transpose() - slope).amax();
+            assert!(error < 1e-8, "unknown {unknown}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_restored_says_so() {
+        // More equations than a structure can satisfy: no panic, and a residual that is not small.
+        let (structure, configuration) = everything();
+        let mut restorer = Restorer::new(&structure, 1.0);
+        let mut middle = configuration.clone();
+        let residual = restorer.restore(&configuration, &configuration, &mut middle);
+        assert!(residual > 1e-3 && residual.is_finite());
+    }
+
+    #[test]
+    fn a_point_that_all_elements_share_is_no_equilibrium() {
+        let (structure, mut configuration) = everything();
+        configuration.positions.fill(Point3::origin());
+        let mut restorer = Restorer::new(&structure, 1.0);
+        let mut middle = configuration.clone();
+        let residual = restorer.restore(&configuration, &configuration, &mut middle);
+        assert!(residual > 1e-3 || residual.is_nan());
+    }
+}

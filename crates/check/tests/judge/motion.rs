@@ -1,6 +1,8 @@
 //! Whole paths: their ends, their steps, and what happens between the samples.
 
 use nalgebra::{Point3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 use tensegra_check::{Check, CheckOptions, Location, Report, check_path};
 use tensegra_model::{Body, Configuration, Endpoint, Interval, Obstacle, Path, Problem, Shape};
 
@@ -468,4 +470,72 @@ fn a_path_of_one_configuration_is_start_and_goal() {
     assert!(check_path(&problem, &path, &CheckOptions::default()).ok);
     problem.goal = Some(endpoint(&rectangle(&problem.structure, 0.9)));
     assert!(check_path(&problem, &path, &CheckOptions::default()).fails(Check::Goal));
+}
+
+#[test]
+fn proofs_hold_wherever_the_obstacle_is() {
+    // The motion between these samples is known: rectangles of all angles. What is proven may not
+    // exceed the clearance found by sampling it finely, and what is free by more than a hair must
+    // be proven.
+    let mut random = Pcg64::seed_from_u64(7);
+    let mut uniform = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
+    let structure = crossed_struts();
+    let path = rectangles(&structure, 70.0, 40.0, 12);
+    let fine = rectangles(&structure, 70.0, 40.0, 12 * 24);
+    let (mut free, mut blocked) = (0, 0);
+    for index in 0..180 {
+        let center = Point3::new(uniform(0.0, 0.8), uniform(0.0, 0.9), uniform(-0.02, 0.02));
+        let reach = uniform(0.002, 0.05);
+        let shape = match index % 3 {
+            0 => Shape::Sphere {
+                center,
+                radius: reach,
+            },
+            1 => {
+                let half = Vector3::new(reach, uniform(0.001, 0.1), 0.02);
+                Shape::Box {
+                    min: center - half,
+                    max: center + half,
+                }
+            }
+            _ => {
+                let side = Vector3::new(uniform(-0.1, 0.1), uniform(-0.1, 0.1), 0.1);
+                Shape::Cylinder {
+                    p: center - side,
+                    q: center + side,
+                    radius: reach,
+                }
+            }
+        };
+        let mut problem = problem(structure.clone(), vec![obstacle("it", shape)]);
+        // One pair at a time, or the first collision would hide the others.
+        problem.environment.pairs = vec![[Body::Element(index % 6), Body::Obstacle(0)]];
+        let report = check_path(&problem, &path, &any_step());
+        let truth = fine
+            .configurations
+            .iter()
+            .map(|configuration| {
+                let report = tensegra_check::check_configuration(
+                    &problem,
+                    configuration,
+                    &CheckOptions::default(),
+                );
+                report.figure(Check::Clearance).unwrap().value
+            })
+            .fold(f64::INFINITY, f64::min);
+        // Between fine samples a point moves by less than 2e-3, so the truth may be 1e-3 less.
+        if report.ok {
+            let proven = report.figure(Check::ClearanceBetween).unwrap().value;
+            assert!(
+                proven <= truth + 1e-9 && truth > 0.0,
+                "{index}: {truth}\n{report}"
+            );
+            assert!(proven > 0.4 * truth - 1e-3, "{index}: {truth}\n{report}");
+            free += 1;
+        } else {
+            assert!(truth < 1e-3, "{index}: {truth}\n{report}");
+            blocked += 1;
+        }
+    }
+    assert!(free > 30 && blocked > 30, "{free} {blocked}");
 }
