@@ -1,5 +1,23 @@
 use rand::SeedableRng;
-use std::time::Instant;
+struct Instant(u64);
+impl Instant {
+    fn now() -> Self {
+        Self(cpu())
+    }
+    fn elapsed(&self) -> std::time::Duration {
+        std::time::Duration::from_nanos(cpu() - self.0)
+    }
+}
+fn cpu() -> u64 {
+    std::fs::read_to_string("/proc/thread-self/schedstat")
+        .unwrap()
+        .split(' ')
+        .next()
+        .unwrap()
+        .parse()
+        .unwrap()
+}
+
 use tensegra_lar::*;
 fn main() {
     let arg = std::env::args().nth(1).unwrap_or_default();

@@ -41,9 +41,9 @@ pub struct PrimitiveOptions {
     /// Largest change of a member's length in the roll itself, c of equation (37), or none.
     /// Default 0.05: loose enough not to act on the known primitives.
     pub max_tip_change: Option<f64>,
-    /// Random tip shapes that the search starts from. Default 48.
+    /// Random tip shapes that the search starts from. Default 32.
     pub starts: usize,
-    /// Distinct tip shapes that the search carries on with. Default 4.
+    /// Distinct coarse motions that the search carries on with. Default 3.
     pub kept: usize,
     /// Most iterations of one optimisation. Default 200.
     pub max_iterations: usize,
@@ -55,8 +55,8 @@ impl Default for PrimitiveOptions {
             steps: 40,
             tip: 20,
             max_tip_change: Some(0.05),
-            starts: 48,
-            kept: 4,
+            starts: 32,
+            kept: 3,
             max_iterations: 200,
         }
     }

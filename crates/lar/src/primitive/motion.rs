@@ -30,8 +30,6 @@ pub(super) struct MotionSpec<'a> {
     pub max_move: Option<f64>,
     /// Largest change of a length in a roll (c of equation (37)).
     pub max_tip_change: Option<f64>,
-    /// Weight of the length changes of a roll in the objective; 1 in the literature.
-    pub tip_weight: f64,
     pub ends: Ends,
 }
 
@@ -109,7 +107,6 @@ pub(super) struct MotionProblem<'a> {
     rows: Vec<Row>,
     /// Index of the last configuration before each roll.
     rolls: Vec<usize>,
-    tip_weight: f64,
     ends: Ends,
     num_variables: usize,
     /// Coordinates of all configurations, one after another; those given or held stay.
@@ -194,7 +191,6 @@ impl<'a> MotionProblem<'a> {
             slots,
             rows: Vec::new(),
             rolls,
-            tip_weight: spec.tip_weight,
             ends: spec.ends.clone(),
             num_variables: offset,
             coordinates,
@@ -361,24 +357,14 @@ impl<'a> MotionProblem<'a> {
         }
     }
 
-    /// Weight of the length changes between a configuration and the next.
-    fn weight(&self, slot: usize) -> f64 {
-        if self.rolls.contains(&slot) {
-            self.tip_weight
-        } else {
-            1.0
-        }
-    }
-
     /// Computes ∂f/∂L for every length of every configuration.
     fn compute_length_slopes(&mut self) {
         let members = self.robot.graph().num_members();
         self.length_slopes.fill(0.0);
         for slot in 0..self.slots.len() - 1 {
-            let weight = 2.0 * self.weight(slot);
             for member in 0..members {
                 let (here, next) = (slot * members + member, (slot + 1) * members + member);
-                let change = weight * (self.lengths[next] - self.lengths[here]);
+                let change = 2.0 * (self.lengths[next] - self.lengths[here]);
                 self.length_slopes[here] -= change;
                 self.length_slopes[next] += change;
             }
@@ -696,15 +682,10 @@ impl Nlp for MotionProblem<'_> {
         self.compute_lengths();
         let members = self.robot.graph().num_members();
         let mut total = 0.0;
-        for (slot, pair) in self
-            .lengths
-            .windows(2 * members)
-            .step_by(members)
-            .enumerate()
-        {
+        for pair in self.lengths.windows(2 * members).step_by(members) {
             let (here, next) = pair.split_at(members);
-            let squared: f64 = here.iter().zip(next).map(|(a, b)| (b - a) * (b - a)).sum();
-            total += self.weight(slot) * squared;
+            let changes = here.iter().zip(next).map(|(a, b)| (b - a) * (b - a));
+            total += changes.sum::<f64>();
         }
         total
     }
@@ -786,8 +767,7 @@ impl Nlp for MotionProblem<'_> {
         let members = self.robot.graph().num_members();
         let last = self.slots.len() - 1;
         for slot in 0..=last {
-            let neighbours = (if slot > 0 { self.weight(slot - 1) } else { 0.0 })
-                + (if slot < last { self.weight(slot) } else { 0.0 });
+            let neighbours = f64::from(u8::from(slot > 0)) + f64::from(u8::from(slot < last));
             for member in 0..members {
                 let [a, b] = self.robot.graph().members()[member];
                 let slope = self.length_slopes[slot * members + member];
@@ -800,8 +780,7 @@ impl Nlp for MotionProblem<'_> {
                 }
                 if slot > 0 {
                     let before = self.direction(slot - 1, member);
-                    let factor = -2.0 * weight * self.weight(slot - 1);
-                    let cross = here * before.transpose() * factor;
+                    let cross = here * before.transpose() * (-2.0 * weight);
                     for (p, q, sign) in [(a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)] {
                         self.add_below(values, slot, (p, q), &(cross * sign));
                     }

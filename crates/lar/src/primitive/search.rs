@@ -1,10 +1,11 @@
 //! Solving for motion primitives: from a guess, from nothing, and by extension of shorter ones.
 //!
-//! The search from nothing needs no knowledge of the tip shape. It first solves a motion of three
-//! steps (start, tip, after the roll, end) from random placements of the free nodes; this finds
-//! candidate tip shapes. The cheapest distinct ones are carried on to a motion with few steps and
-//! from there to the full one, by linear interpolation in a frame that turns with the roll. All
-//! attempts are reported.
+//! The search from nothing needs no knowledge of the tip shape. It first solves a motion of two
+//! steps (start, tip, end) from random placements of the free nodes; this finds candidate tip
+//! shapes. Those that can be reached without members passing through each other on
+//! the straight way come first, the cheaper before the dearer. They are carried on to a motion
+//! with few steps and from there to the full one, by linear interpolation in a frame that turns
+//! with the roll. All attempts are reported.
 
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
@@ -16,10 +17,11 @@ use super::{Gait, Primitive, PrimitiveError, PrimitiveOptions};
 use crate::support::{landing_angle, turn};
 use crate::{GroundIsometry, Robot};
 
-/// Steps of the coarse motion.
+/// Steps of the coarse motion, and most iterations spent on it.
 const COARSE_STEPS: usize = 14;
-/// Weight of the roll in the three-step problem, so that the shapes before and after it agree.
-const TIP_WEIGHT: f64 = 20.0;
+const COARSE_ITERATIONS: usize = 30;
+/// Coarse motions dearer than the cheapest by more than this factor are not refined.
+const WORTH_REFINING: f64 = 1.2;
 /// Tip shapes whose costs agree this closely are the same.
 const SAME_COST: f64 = 1e-3;
 /// Constraints are met to this tolerance.
@@ -27,7 +29,7 @@ const FEASIBILITY: f64 = 1e-8;
 /// One attempt of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PrimitiveAttempt {
-    /// Number of steps of the motion: 3 for a tip shape.
+    /// Number of steps of the motion: 2 for a tip shape.
     pub steps: usize,
     /// Objective of the final point.
     pub cost: f64,
@@ -117,9 +119,8 @@ impl<'a> Sequence<'a> {
                 rolls: &self.rolls,
                 steps,
                 tip,
-                max_move: (steps > 3).then_some(self.robot.limits().max_move * coarseness),
-                max_tip_change: options.max_tip_change.filter(|_| steps > 3),
-                tip_weight: if steps > 3 { 1.0 } else { TIP_WEIGHT },
+                max_move: (steps > 2).then_some(self.robot.limits().max_move * coarseness),
+                max_tip_change: options.max_tip_change.filter(|_| steps > 2),
                 ends: Ends::Fixed,
             },
         )
@@ -296,50 +297,49 @@ pub fn find_primitive(
     let sequence = Sequence::new(symmetric, &[])?;
     let mut attempts = Vec::new();
     let tips = find_tips(&sequence, options, rng, &mut attempts)?;
-    let mut best: Option<(f64, Primitive)> = None;
     let mut failure = "no tip shape was found".to_owned();
-    let mut coarse_motions: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
-    let coarse_tip = COARSE_STEPS / 2;
-    let coarse = options.steps > COARSE_STEPS;
-    for tip in tips.iter().take(options.kept) {
-        if !coarse {
-            let guess = sequence.through_tip(tip, options.steps, options.tip);
-            coarse_motions.push((0.0, guess));
+    let mut coarse: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
+    for tip in &tips {
+        if coarse.len() == options.kept {
+            break;
+        }
+        if options.steps <= COARSE_STEPS {
+            coarse.push((0.0, sequence.through_tip(tip, options.steps, options.tip)));
             continue;
         }
-        let guess = sequence.through_tip(tip, COARSE_STEPS, coarse_tip);
-        let mut problem = sequence.problem(options, COARSE_STEPS, coarse_tip);
-        let (report, motion) = solve(&mut problem, &guess, options)?;
+        let tip_index = COARSE_STEPS / 2;
+        let guess = sequence.through_tip(tip, COARSE_STEPS, tip_index);
+        let mut problem = sequence.problem(options, COARSE_STEPS, tip_index);
+        let patience = options.max_iterations.min(COARSE_ITERATIONS);
+        let (full, options) = (options, options.clone().with_max_iterations(patience));
+        let (report, motion) = solve(&mut problem, &guess, &options)?;
         let attempt = PrimitiveAttempt::new(COARSE_STEPS, &report);
         if attempt.is_feasible() {
-            let new = |(cost, _): &(f64, Vec<Vec<f64>>)| {
-                (cost - attempt.cost).abs() > SAME_COST * attempt.cost
-            };
-            if coarse_motions.iter().all(new) {
-                let mut fine = resample(&motion[..=coarse_tip], options.tip + 1);
-                let after = options.steps - options.tip;
-                fine.extend(resample(&motion[coarse_tip + 1..], after));
-                coarse_motions.push((attempt.cost, fine));
+            let new = |(cost, _): &(f64, _)| (cost - attempt.cost).abs() > SAME_COST * cost;
+            if coarse.iter().all(new) {
+                let mut fine = resample(&motion[..=tip_index], full.tip + 1);
+                fine.extend(resample(&motion[tip_index + 1..], full.steps - full.tip));
+                coarse.push((attempt.cost, fine));
             }
         } else {
             failure = reason(&problem, &report);
         }
         attempts.push(attempt);
     }
-    coarse_motions.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (coarse_cost, guess) in coarse_motions {
-        // The coarse cost scales with the number of steps; one far above the best is not worth
-        // refining.
-        let expected = coarse_cost * COARSE_STEPS as f64 / options.steps as f64;
-        if best
-            .as_ref()
-            .is_some_and(|(cost, _)| coarse && expected > 1.2 * cost)
+    coarse.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best: Option<(f64, Primitive)> = None;
+    let mut refined: Option<f64> = None;
+    for (cost, guess) in coarse {
+        // Much dearer or equal motions are not worth refining.
+        if refined.is_some_and(|least| cost > WORTH_REFINING * least)
+            || refined.is_some_and(|least| cost - least < SAME_COST * least)
         {
-            break;
+            continue;
         }
         match finish(symmetric, &sequence, &[], &guess, options) {
             Ok((primitive, attempt)) => {
-                if best.as_ref().is_none_or(|(cost, _)| attempt.cost < *cost) {
+                refined.get_or_insert(cost);
+                if best.as_ref().is_none_or(|(least, _)| attempt.cost < *least) {
                     best = Some((attempt.cost, primitive));
                 }
                 attempts.push(attempt);
@@ -354,7 +354,8 @@ pub fn find_primitive(
     }
 }
 
-/// Distinct feasible tip shapes of the first roll, the cheapest first.
+/// Distinct feasible tip shapes of the first roll: those that members need not cross to reach
+/// first, the cheaper before the dearer.
 fn find_tips(
     sequence: &Sequence<'_>,
     options: &PrimitiveOptions,
@@ -379,10 +380,10 @@ fn find_tips(
     let reach = line.outside(&landing);
     let along = (landing - middle).dot(&line.axis);
 
-    let mut problem = sequence.problem(options, 3, 1);
+    let mut problem = sequence.problem(options, 2, 1);
     let mut solver = DenseSqp::new(sqp_options(options, 0.3).with_max_iterations(60))
         .map_err(|error| invalid(error.to_string()))?;
-    let mut found: Vec<(f64, Vec<f64>)> = Vec::new();
+    let mut found: Vec<(usize, f64, Vec<f64>)> = Vec::new();
     for _ in 0..options.starts {
         let mut tip = stance.coordinates.clone();
         for node in (0..robot.graph().num_nodes()).filter(|&n| !stance.support.contains(n)) {
@@ -403,22 +404,57 @@ fn find_tips(
             let point = middle + line.outward * out + line.axis * across + Vector3::z() * height;
             robot.dimension().set_node(&mut tip, node, &point);
         }
-        let guess = sequence.through_tip(&tip, 3, 1);
-        let mut x = problem.variables(&guess);
+        let end = &sequence.stances[1].coordinates;
+        let mut x = problem.variables(&[stance.coordinates.clone(), tip, end.clone()]);
         let report = solver
             .solve(&mut problem, &mut x)
             .map_err(|error| invalid(error.to_string()))?;
-        let attempt = PrimitiveAttempt::new(3, &report);
+        let attempt = PrimitiveAttempt::new(2, &report);
         if attempt.is_feasible() {
-            let new = |(cost, _): &(f64, _)| (cost - attempt.cost).abs() > SAME_COST * attempt.cost;
+            let new = |(_, cost, _): &(usize, f64, _)| {
+                (cost - attempt.cost).abs() > SAME_COST * attempt.cost
+            };
             if found.iter().all(new) {
-                found.push((attempt.cost, problem.configurations(&x).swap_remove(1)));
+                let shape = problem.configurations(&x).swap_remove(1);
+                let crossings = crossings(robot, &stance.coordinates, &shape)
+                    + crossings(robot, &sequence.after_roll(0, &shape), end);
+                found.push((crossings, attempt.cost, shape));
             }
         }
         attempts.push(attempt);
     }
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(found.into_iter().map(|(_, tip)| tip).collect())
+    found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    Ok(found.into_iter().map(|(_, _, tip)| tip).collect())
+}
+
+/// Number of times that members pass through each other while all nodes move straight from
+/// `start` to `end`.
+fn crossings(robot: &Robot, start: &[f64], end: &[f64]) -> usize {
+    const SAMPLES: usize = 40;
+    let members = robot.graph().members();
+    let mut count = 0;
+    let mut sides: Vec<f64> = Vec::new();
+    for sample in 0..=SAMPLES {
+        let x = interpolate(start, end, sample as f64 / SAMPLES as f64);
+        for (index, pair) in robot.graph().disjoint_pairs().iter().enumerate() {
+            let ([a, b], [c, d]) = (members[pair[0]], members[pair[1]]);
+            let [a, b, c, d] = [a, b, c, d].map(|node| robot.dimension().node(&x, node));
+            // The members pass each other when the volume that they span changes its sign, and
+            // through each other when they are close at that moment.
+            let side = (b - a).cross(&(d - c)).dot(&(c - a));
+            match sides.get_mut(index) {
+                None => sides.push(side),
+                Some(before) => {
+                    let close = 0.5 * robot.limits().min_distance;
+                    if *before * side < 0.0 && robot.pair_distance(&x, *pair) < close {
+                        count += 1;
+                    }
+                    *before = side;
+                }
+            }
+        }
+    }
+    count
 }
 
 /// Optimises a primitive over several rolls, starting from a one-roll primitive repeated along
@@ -454,7 +490,8 @@ fn repeated(
 }
 
 /// Optimises a periodic gait along a straight strip (equation (39)), whose shape at the tip is
-/// free, starting from a one-roll primitive and from its tip shapes held still.
+/// free, starting from a one-roll primitive; should that fail, from the straight way between its
+/// tip shapes.
 ///
 /// # Errors
 /// See [`PrimitiveError`]; `NotFound` when no attempt reaches a feasible gait.
@@ -476,7 +513,6 @@ pub fn find_gait(
             tip: 0,
             max_move: Some(robot.limits().max_move),
             max_tip_change: options.max_tip_change,
-            tip_weight: 1.0,
             ends: Ends::Periodic {
                 map,
                 roles: roles.clone(),
@@ -495,19 +531,20 @@ pub fn find_gait(
         }))
         .collect();
     let mut attempts = Vec::new();
-    let mut best: Option<(f64, Vec<Vec<f64>>)> = None;
+    let mut best = None;
     let mut failure = String::new();
     for guess in [through_stance, direct] {
         let (report, configurations) = solve(&mut problem, &guess, options)?;
         let attempt = PrimitiveAttempt::new(options.steps, &report);
-        if !attempt.is_feasible() {
-            failure = reason(&problem, &report);
-        } else if best.as_ref().is_none_or(|(cost, _)| attempt.cost < *cost) {
-            best = Some((attempt.cost, configurations));
-        }
+        let feasible = attempt.is_feasible();
         attempts.push(attempt);
+        if feasible {
+            best = Some(configurations);
+            break;
+        }
+        failure = reason(&problem, &report);
     }
-    let Some((_, configurations)) = best else {
+    let Some(configurations) = best else {
         return Err(PrimitiveError::NotFound { reason: failure });
     };
     let supports = [
