@@ -6,9 +6,6 @@ use super::model::{LocalModel, refill};
 use crate::dense_qp::{DenseQp, DenseQpSolver, QpStatus};
 use crate::{Nlp, OptionError, ProblemError, SqpOptions, SqpReport};
 
-/// The multipliers of constraints met at any price may exceed the price of a violation by this
-/// factor before the constraints are made elastic.
-const TOLERATED_MULTIPLIER: f64 = 1e6;
 /// Relative curvature of the price of a violation, which keeps the elastic programme strictly
 /// convex.
 const ELASTIC_CURVATURE: f64 = 1e-5;
@@ -196,21 +193,19 @@ impl Backend for DualActiveSet {
             self.solves += 1;
             match self.solver.solve_unchecked(&self.rigid) {
                 Ok((QpStatus::Solved, _)) => {
-                    let prices = self.solver.row_multipliers();
-                    let acceptable = prices
-                        .iter()
-                        .all(|m| m.abs() <= TOLERATED_MULTIPLIER * subproblem.penalty);
-                    if acceptable {
-                        step.copy_from_slice(self.solver.solution());
-                        multipliers.copy_from_slice(prices);
-                        return true;
-                    }
+                    step.copy_from_slice(self.solver.solution());
+                    multipliers.copy_from_slice(self.solver.row_multipliers());
+                    return true;
                 }
                 Ok(_) => {}
                 Err(_) => return false,
             }
         }
         self.solve_elastic(model, subproblem, step, multipliers)
+    }
+
+    fn refine(&mut self) -> bool {
+        false
     }
 
     fn solves(&self) -> usize {

@@ -29,7 +29,14 @@ const GOOD_RATIO: f64 = 0.75;
 /// A relative reduction of the violation below this is none.
 const NEGLIGIBLE_REDUCTION: f64 = 1e-3;
 /// Most times that ν may be raised tenfold in one iteration.
-const MAX_PENALTY_RAISES: usize = 4;
+const MAX_PENALTY_RAISES: usize = 2;
+/// The multipliers of constraints that are met at any price may exceed ν by this factor before all
+/// constraints are made elastic, which bounds the multipliers by ν. (They are that large where the
+/// gradients of active constraints are nearly dependent.)
+const TOLERATED_MULTIPLIER: f64 = 1e2;
+/// The size of the terms that cancel in the gradient of the Lagrangian counts only up to this
+/// multiple of the gradient of the objective, lest huge multipliers pass for a solution.
+const LARGEST_TERM: f64 = 100.0;
 /// ν may be lowered by up to this factor at once, and so many times in a run.
 const PENALTY_REDUCTION: f64 = 10.0;
 const MAX_PENALTY_REDUCTIONS: usize = 6;
@@ -99,6 +106,9 @@ pub(super) trait Backend: std::fmt::Debug {
         step: &mut [f64],
         multipliers: &mut [f64],
     ) -> bool;
+
+    /// Solves more precisely from now on; false if it cannot.
+    fn refine(&mut self) -> bool;
 
     /// Number of quadratic programmes solved since `set_up`.
     fn solves(&self) -> usize;
@@ -351,6 +361,15 @@ impl<B: Backend + Default> Engine<B> {
                     continue;
                 }
             }
+            if predicted <= rounding
+                && left > 0.0
+                && self.model.largest_violation(&self.constraints) > options.feasibility_tolerance
+                && state.penalty < state.largest_penalty
+            {
+                // The violation is too cheap to be worth removing.
+                state.penalty *= 10.0;
+                continue;
+            }
             self.adopt_multipliers();
             if step_size <= 1e-14 * size || predicted <= 0.0 {
                 // The model has nothing to offer: x is as good as this arithmetic makes it.
@@ -359,7 +378,11 @@ impl<B: Backend + Default> Engine<B> {
                     && step_size <= 1e-14 * size
                     && self.model.largest_violation(&self.constraints)
                         <= options.feasibility_tolerance;
-                let status = if optimal || self.is_converged(options, state) {
+                let converged = optimal || self.is_converged(options, state);
+                if !converged && self.backend.refine() {
+                    continue;
+                }
+                let status = if converged {
                     SqpStatus::Converged
                 } else {
                     self.verdict_when_stuck(options, state)
@@ -421,6 +444,11 @@ impl<B: Backend + Default> Engine<B> {
         self.set_step_bounds(state.radius);
         self.set_row_bounds();
         if !self.solve_subproblem(state, state.penalty, state.elastic, Aim::Objective) {
+            return false;
+        }
+        if largest(&self.step_multipliers) > TOLERATED_MULTIPLIER * state.penalty
+            && !self.solve_subproblem(state, state.penalty, Elastic::All, Aim::Objective)
+        {
             return false;
         }
         let mut left = self.linearised_violation();
@@ -697,6 +725,7 @@ impl<B: Backend + Default> Engine<B> {
             }
         }
         // The multipliers count towards the size of the terms that cancel.
+        let objective_size = size;
         let mut size = size;
         for (i, &multiplier) in self.multipliers_hat.iter().enumerate() {
             if multiplier != 0.0 {
@@ -706,6 +735,7 @@ impl<B: Backend + Default> Engine<B> {
                 }
             }
         }
+        let size = size.min(LARGEST_TERM * nonzero(objective_size));
         if stationarity > options.optimality_tolerance * size {
             return false;
         }
