@@ -1,0 +1,791 @@
+//! Where a structure touches nothing: clearances of all collision pairs as a
+//! validity test for planners.
+//!
+//! Each pair keeps a lower bound of its clearance along a branch: it falls by
+//! the displacement of the two bodies, and only when it is used up is the
+//! clearance measured again. A step is accepted only when every pair is clear
+//! **throughout**: by that bound, by the clearances at both ends against the
+//! displacement, or by a plane that separates the bodies during linear motion
+//! with room for twice the deviation of the true motion from it, measured at
+//! the step's middle; the step is halved where that does not suffice.
+//!
+//! Cost of a step: one comparison for each pair, and a distance for those few
+//! whose bound is used up.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use tensegra_atlas::{Obstruction, SparseRow, Validity};
+use tensegra_collision::{
+    Capsule, Contact, Solid, capsule_capsule, capsule_solid, capsule_solid_posed, solid_solid,
+    swept,
+};
+
+use crate::{
+    environment::{BadShape, Body, Environment, Role, Shape},
+    equilibrium::EquilibriumManifold,
+    structure::{Attachment, Element, ElementKind, Interval, Structure},
+};
+
+/// Clearance kept, relative to the structure's size, so that a judge with
+/// another solver agrees.
+const LEAST_CLEARANCE: f64 = 1e-4;
+/// The true motion between two samples deviates from the linear one by at most
+/// this multiple of the deviation at the middle.
+const DEVIATION_FACTOR: f64 = 2.0;
+/// Points move at most this much farther than the distance between samples.
+const CURVATURE_FACTOR: f64 = 1.1;
+/// Halvings of a step.
+const HALVINGS: usize = 5;
+
+/// One end of an element's capsule, on the line from its first to its last node.
+#[derive(Clone, Copy, Debug)]
+enum End {
+    /// At a fraction of the length.
+    Fraction(f64),
+    /// At a distance from the first node.
+    FromFirst(f64),
+    /// At a distance from the last node.
+    FromLast(f64),
+}
+
+impl End {
+    fn fraction(self, length: f64) -> f64 {
+        match self {
+            Self::Fraction(f) => f,
+            Self::FromFirst(d) => (d / length).clamp(0.0, 1.0),
+            Self::FromLast(d) => (1.0 - d / length).clamp(0.0, 1.0),
+        }
+    }
+}
+
+/// A capsule that moves with the structure.
+#[derive(Clone, Debug)]
+enum MovingCapsule {
+    Element {
+        nodes: [usize; 2],
+        ends: [End; 2],
+        radius: f64,
+    },
+    Attached {
+        attachment: usize,
+        ends: [Vector3<f64>; 2],
+        radius: f64,
+    },
+}
+
+/// The two bodies of a pair, as primitive shapes.
+#[derive(Clone, Copy, Debug)]
+enum Primitives {
+    Capsules(usize, usize),
+    CapsuleObstacle(usize, usize),
+    CapsuleAttached(usize, usize),
+    AttachedObstacle(usize, usize),
+    AttachedAttached(usize, usize),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    primitives: Primitives,
+    /// The pair of the environment it belongs to.
+    bodies: [Body; 2],
+}
+
+/// A convex or meshed shape glued to three nodes.
+#[derive(Clone, Debug)]
+struct AttachedSolid {
+    attachment: usize,
+    solid: Solid,
+    radius: f64,
+    middle: Vector3<f64>,
+}
+
+/// Three anchors of an attachment: points of it are p₀ + α u + β v + γ u × v
+/// with u = p₁ − p₀ and v = p₂ − p₀.
+#[derive(Clone, Debug)]
+struct Frame {
+    nodes: [usize; 3],
+    local: [Point3<f64>; 3],
+}
+
+impl Frame {
+    fn new(attachment: &Attachment) -> Self {
+        Self {
+            nodes: attachment.anchors.map(|anchor| anchor.node),
+            local: attachment.anchors.map(|anchor| anchor.local),
+        }
+    }
+
+    fn axes(p: [&Point3<f64>; 3]) -> Matrix3<f64> {
+        let (u, v) = (p[1] - p[0], p[2] - p[0]);
+        Matrix3::from_columns(&[u, v, u.cross(&v)])
+    }
+
+    /// Coordinates (α, β, γ) of a point of the attachment's own frame.
+    fn coordinates(&self, point: &Point3<f64>) -> Option<Vector3<f64>> {
+        let [a, b, c] = &self.local;
+        Some(Self::axes([a, b, c]).try_inverse()? * (point - a))
+    }
+
+    fn world_axes(&self, positions: &[Point3<f64>]) -> Matrix3<f64> {
+        Self::axes(self.nodes.map(|node| &positions[node]))
+    }
+
+    fn point(&self, coordinates: &Vector3<f64>, positions: &[Point3<f64>]) -> Point3<f64> {
+        positions[self.nodes[0]] + self.world_axes(positions) * coordinates
+    }
+
+    /// The rigid motion from the attachment's frame to the world.
+    fn pose(&self, positions: &[Point3<f64>]) -> Isometry3<f64> {
+        let orthonormal = |p: [&Point3<f64>; 3]| {
+            let (u, v) = ((p[1] - p[0]).normalize(), p[2] - p[0]);
+            let w = u.cross(&v).normalize();
+            Matrix3::from_columns(&[u, w.cross(&u), w])
+        };
+        let [a, b, c] = &self.local;
+        let rotation = orthonormal(self.nodes.map(|node| &positions[node]))
+            * orthonormal([a, b, c]).transpose();
+        let rotation =
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+        let origin = positions[self.nodes[0]] - rotation * a.coords;
+        Isometry3::from_parts(Translation3::from(origin.coords), rotation)
+    }
+
+    /// Gradients with respect to the anchors of nᵀ x for the point with the
+    /// given coordinates.
+    fn gradients(
+        &self,
+        c: &Vector3<f64>,
+        n: &Vector3<f64>,
+        positions: &[Point3<f64>],
+    ) -> [(usize, Vector3<f64>); 3] {
+        let [p0, p1, p2] = self.nodes.map(|node| positions[node]);
+        let (u, v) = (p1 - p0, p2 - p0);
+        let g1 = n * c.x + v.cross(n) * c.z;
+        let g2 = n * c.y + n.cross(&u) * c.z;
+        [
+            (self.nodes[0], n - g1 - g2),
+            (self.nodes[1], g1),
+            (self.nodes[2], g2),
+        ]
+    }
+}
+
+/// The collision bodies and pairs of a problem.
+#[derive(Clone, Debug)]
+struct Scene {
+    capsules: Vec<MovingCapsule>,
+    attached: Vec<AttachedSolid>,
+    obstacles: Vec<Solid>,
+    frames: Vec<Frame>,
+    pairs: Vec<Pair>,
+}
+
+/// Collision-free space over an equilibrium manifold: a [`Validity`].
+#[derive(Clone, Debug)]
+pub struct FreeSpace<'a, M: ?Sized> {
+    manifold: &'a M,
+    scene: Scene,
+    size: f64,
+    least: f64,
+}
+
+/// What is remembered of a configuration.
+#[derive(Clone, Debug)]
+pub struct Memory {
+    state: State,
+    /// Lower bound of the clearance of each pair.
+    bounds: Vec<f64>,
+}
+
+/// Node positions and the capsules that follow from them.
+#[derive(Clone, Debug)]
+struct State {
+    positions: Vec<Point3<f64>>,
+    capsules: Vec<Capsule>,
+}
+
+/// A collision pair that is too close, for messages.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Closest {
+    /// Clearance, negative when the bodies overlap.
+    pub clearance: f64,
+    /// The bodies.
+    pub bodies: [Body; 2],
+}
+
+/// Why a shape is not a valid solid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{body} has an invalid shape: {error}")]
+pub struct BodyError {
+    /// Name of the body.
+    pub body: String,
+    /// What is wrong with it.
+    pub error: BadShape,
+}
+
+impl Scene {
+    fn new(structure: &Structure, environment: &Environment) -> Result<Self, BodyError> {
+        let mut scene = Self {
+            capsules: Vec::new(),
+            attached: Vec::new(),
+            obstacles: Vec::new(),
+            frames: structure.attachments.iter().map(Frame::new).collect(),
+            pairs: Vec::new(),
+        };
+        let mut elements = Vec::new();
+        for element in &structure.elements {
+            let first = scene.capsules.len();
+            scene.capsules.extend(element_capsules(element));
+            elements.push(first..scene.capsules.len());
+        }
+        let (mut attached_capsules, mut attached_solids) = (Vec::new(), Vec::new());
+        for (i, attachment) in structure.attachments.iter().enumerate() {
+            let (first_capsule, first_solid) = (scene.capsules.len(), scene.attached.len());
+            for part in attachment
+                .shapes
+                .iter()
+                .filter(|s| s.role != Role::Decoration)
+            {
+                let error = |error| BodyError {
+                    body: attachment.name.clone(),
+                    error,
+                };
+                scene.attach(i, &part.shape).map_err(error)?;
+            }
+            attached_capsules.push(first_capsule..scene.capsules.len());
+            attached_solids.push(first_solid..scene.attached.len());
+        }
+        // Decorations have no solid, and no pairs.
+        let mut solid_of_obstacle = Vec::new();
+        for obstacle in &environment.obstacles {
+            if obstacle.role == Role::Decoration {
+                solid_of_obstacle.push(None);
+                continue;
+            }
+            solid_of_obstacle.push(Some(scene.obstacles.len()));
+            let error = |error| BodyError {
+                body: obstacle.name.clone(),
+                error,
+            };
+            scene.obstacles.push(obstacle.shape.solid().map_err(error)?);
+        }
+        for &bodies in &environment.pairs {
+            let collides = |body: Body| match body {
+                Body::Element(e) => structure.elements[e].appearance.role != Role::Decoration,
+                Body::Obstacle(o) => solid_of_obstacle[o].is_some(),
+                Body::Attachment(_) => true,
+            };
+            if !bodies.iter().all(|&body| collides(body)) {
+                continue;
+            }
+            let capsules = |body: Body| match body {
+                Body::Element(e) => elements[e].clone(),
+                Body::Attachment(a) => attached_capsules[a].clone(),
+                Body::Obstacle(_) => 0..0,
+            };
+            let solids = |body: Body| match body {
+                Body::Attachment(a) => attached_solids[a].clone(),
+                _ => 0..0,
+            };
+            let obstacle = |body: Body| match body {
+                Body::Obstacle(o) => solid_of_obstacle[o],
+                _ => None,
+            };
+            let mut add = |primitives| scene.pairs.push(Pair { primitives, bodies });
+            let [a, b] = bodies;
+            for i in capsules(a) {
+                capsules(b).for_each(|j| add(Primitives::Capsules(i, j)));
+                solids(b).for_each(|j| add(Primitives::CapsuleAttached(i, j)));
+                if let Some(o) = obstacle(b) {
+                    add(Primitives::CapsuleObstacle(i, o));
+                }
+            }
+            for i in solids(a) {
+                capsules(b).for_each(|j| add(Primitives::CapsuleAttached(j, i)));
+                solids(b).for_each(|j| add(Primitives::AttachedAttached(i, j)));
+                if let Some(o) = obstacle(b) {
+                    add(Primitives::AttachedObstacle(i, o));
+                }
+            }
+        }
+        Ok(scene)
+    }
+
+    /// Adds a shape of an attachment: balls and cylinders as capsules (a little
+    /// larger at flat ends), others as they are.
+    fn attach(&mut self, attachment: usize, shape: &Shape) -> Result<(), BadShape> {
+        let frame = &self.frames[attachment];
+        let coordinates = |p: &Point3<f64>| frame.coordinates(p).unwrap_or_else(Vector3::zeros);
+        match shape {
+            Shape::Sphere { center, radius } => {
+                let center = coordinates(center);
+                self.capsules.push(MovingCapsule::Attached {
+                    attachment,
+                    ends: [center, center],
+                    radius: *radius,
+                });
+            }
+            Shape::Cylinder { p, q, radius } => {
+                self.capsules.push(MovingCapsule::Attached {
+                    attachment,
+                    ends: [coordinates(p), coordinates(q)],
+                    radius: *radius,
+                });
+            }
+            _ => {
+                let solid = shape.solid()?;
+                let (middle, radius) = solid.bounding_sphere();
+                let middle = coordinates(&middle);
+                self.attached.push(AttachedSolid {
+                    attachment,
+                    solid,
+                    radius,
+                    middle,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn place(&self, state: &mut State) {
+        let State {
+            positions,
+            capsules,
+        } = state;
+        for (capsule, moving) in capsules.iter_mut().zip(&self.capsules) {
+            match moving {
+                MovingCapsule::Element {
+                    nodes: [a, b],
+                    ends,
+                    ..
+                } => {
+                    let (p, q) = (positions[*a], positions[*b]);
+                    let d = q - p;
+                    let (first, last) = match ends {
+                        [End::Fraction(first), End::Fraction(last)] => (*first, *last),
+                        _ => {
+                            let length = d.norm().max(f64::MIN_POSITIVE);
+                            (ends[0].fraction(length), ends[1].fraction(length))
+                        }
+                    };
+                    capsule.a = p + d * first;
+                    capsule.b = p + d * last;
+                }
+                MovingCapsule::Attached {
+                    attachment, ends, ..
+                } => {
+                    let frame = &self.frames[*attachment];
+                    let axes = frame.world_axes(positions);
+                    let origin = positions[frame.nodes[0]];
+                    capsule.a = origin + axes * ends[0];
+                    capsule.b = origin + axes * ends[1];
+                }
+            }
+        }
+    }
+
+    fn state(&self, nodes: usize) -> State {
+        let radius = |c: &MovingCapsule| match c {
+            MovingCapsule::Element { radius, .. } | MovingCapsule::Attached { radius, .. } => {
+                *radius
+            }
+        };
+        State {
+            positions: vec![Point3::origin(); nodes],
+            capsules: self
+                .capsules
+                .iter()
+                .map(|c| Capsule {
+                    a: Point3::origin(),
+                    b: Point3::origin(),
+                    radius: radius(c),
+                })
+                .collect(),
+        }
+    }
+
+    fn contact(&self, pair: &Pair, state: &State) -> Contact {
+        let pose = |s: &AttachedSolid| self.frames[s.attachment].pose(&state.positions);
+        match pair.primitives {
+            Primitives::Capsules(i, j) => capsule_capsule(&state.capsules[i], &state.capsules[j]),
+            Primitives::CapsuleObstacle(i, o) => {
+                capsule_solid(&state.capsules[i], &self.obstacles[o])
+            }
+            Primitives::CapsuleAttached(i, s) => {
+                let solid = &self.attached[s];
+                capsule_solid_posed(&state.capsules[i], &solid.solid, &pose(solid))
+            }
+            Primitives::AttachedObstacle(s, o) => {
+                let solid = &self.attached[s];
+                let identity = Isometry3::identity();
+                solid_solid(&solid.solid, &pose(solid), &self.obstacles[o], &identity)
+            }
+            Primitives::AttachedAttached(s, r) => {
+                let (s, r) = (&self.attached[s], &self.attached[r]);
+                solid_solid(&s.solid, &pose(s), &r.solid, &pose(r))
+            }
+        }
+    }
+
+    /// How far the bodies of a pair move towards each other at most, if linearly.
+    fn displacement(&self, pair: &Pair, moved: &[f64], a: &State, b: &State) -> f64 {
+        let attached = |s: usize| {
+            let solid = &self.attached[s];
+            let frame = &self.frames[solid.attachment];
+            let place = |state: &State| frame.point(&solid.middle, &state.positions);
+            // A turn by θ moves points of a ball of radius r by at most θ r
+            // beyond its centre; θ is bounded by the change of the axes.
+            let turn = (frame.pose(&a.positions).rotation.inverse()
+                * frame.pose(&b.positions).rotation)
+                .angle();
+            (place(b) - place(a)).norm() + turn * solid.radius
+        };
+        match pair.primitives {
+            Primitives::Capsules(i, j) => moved[i] + moved[j],
+            Primitives::CapsuleObstacle(i, _) => moved[i],
+            Primitives::CapsuleAttached(i, s) => moved[i] + attached(s),
+            Primitives::AttachedObstacle(s, _) => attached(s),
+            Primitives::AttachedAttached(s, r) => attached(s) + attached(r),
+        }
+    }
+
+    /// Whether the pair keeps the slack while its bodies move linearly.
+    fn is_swept_clear(&self, pair: &Pair, a: &State, b: &State, slack: f64) -> bool {
+        match pair.primitives {
+            Primitives::Capsules(i, j) => swept::swept_capsule_capsule(
+                &a.capsules[i],
+                &b.capsules[i],
+                &a.capsules[j],
+                &b.capsules[j],
+                slack,
+            )
+            .is_clear(),
+            Primitives::CapsuleObstacle(i, o) => {
+                let obstacle = &self.obstacles[o];
+                swept::swept_capsule_solid(&a.capsules[i], &b.capsules[i], obstacle, slack)
+                    .is_clear()
+            }
+            _ => false,
+        }
+    }
+}
+
+/// The capsules of an element: struts and bars inset by one radius at both
+/// ends, cables and springs from 10 % to 90 % of their length, prismatic struts
+/// in two parts.
+fn element_capsules(element: &Element) -> Vec<MovingCapsule> {
+    let (nodes, radius) = (element.nodes, element.radius);
+    let capsule = |ends, radius| MovingCapsule::Element {
+        nodes,
+        ends,
+        radius,
+    };
+    match element.kind {
+        ElementKind::Cable | ElementKind::Spring => {
+            vec![capsule([End::Fraction(0.1), End::Fraction(0.9)], radius)]
+        }
+        ElementKind::Prismatic => {
+            let Interval { lo, hi } = element.length;
+            let tube = [
+                End::FromFirst(radius),
+                End::FromFirst((lo - radius).max(radius)),
+            ];
+            let rod = [End::FromLast((hi - lo).max(radius)), End::FromLast(radius)];
+            vec![capsule(tube, radius), capsule(rod, 0.5 * radius)]
+        }
+        ElementKind::Strut | ElementKind::Bar if element.has_constant_length() => {
+            let inset = (radius / element.length.lo).min(0.5);
+            vec![capsule(
+                [End::Fraction(inset), End::Fraction(1.0 - inset)],
+                radius,
+            )]
+        }
+        ElementKind::Strut | ElementKind::Bar => {
+            vec![capsule(
+                [End::FromFirst(radius), End::FromLast(radius)],
+                radius,
+            )]
+        }
+    }
+}
+
+impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
+    /// The free space of a structure with the given manifold. `size` is a
+    /// typical length; contacts are measured in multiples of it.
+    ///
+    /// # Errors
+    /// [`BodyError`] when a shape is not a solid.
+    pub fn new(manifold: &'a M, environment: &Environment, size: f64) -> Result<Self, BodyError> {
+        let scene = Scene::new(manifold.structure(), environment)?;
+        Ok(Self {
+            manifold,
+            scene,
+            size,
+            least: LEAST_CLEARANCE * size,
+        })
+    }
+
+    /// Keeps less clearance where the point x, a start or goal, has less:
+    /// half of its own.
+    pub fn admit(&mut self, x: &[f64]) {
+        if let Some(closest) = self.closest(x) {
+            self.least = self.least.min(0.5 * closest.clearance.max(0.0));
+        }
+    }
+
+    /// The pair with the smallest clearance at x, if there are pairs at all.
+    pub fn closest(&self, x: &[f64]) -> Option<Closest> {
+        let state = self.state(x);
+        self.scene
+            .pairs
+            .iter()
+            .map(|pair| (self.scene.contact(pair, &state).clearance, pair))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(clearance, pair)| Closest {
+                clearance,
+                bodies: pair.bodies,
+            })
+    }
+
+    /// The bodies of a contact.
+    pub fn bodies(&self, contact: usize) -> [Body; 2] {
+        self.scene.pairs[contact].bodies
+    }
+
+    fn state(&self, x: &[f64]) -> State {
+        let mut state = self.scene.state(self.manifold.structure().nodes.len());
+        self.place(x, &mut state);
+        state
+    }
+
+    fn place(&self, x: &[f64], state: &mut State) {
+        self.manifold.positions(x, &mut state.positions);
+        self.scene.place(state);
+    }
+
+    /// Whether some pairs are clear between the states `a` and `b`, at the
+    /// fractions `s` of the step; they are clear at both.
+    fn is_clear_between(
+        &self,
+        pairs: &[usize],
+        (a, b): (&State, &State),
+        s: [f64; 2],
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+        halvings: usize,
+    ) -> bool {
+        let mut y = vec![0.0; self.manifold.ambient_dimension()];
+        let middle = 0.5 * (s[0] + s[1]);
+        if !between(middle, &mut y) {
+            return false;
+        }
+        let state = self.state(&y);
+        let deviation: Vec<f64> = a
+            .capsules
+            .iter()
+            .zip(&b.capsules)
+            .zip(&state.capsules)
+            .map(|((a, b), m)| {
+                let first = (m.a - nalgebra::center(&a.a, &b.a)).norm();
+                DEVIATION_FACTOR * first.max((m.b - nalgebra::center(&a.b, &b.b)).norm())
+            })
+            .collect();
+        let mut open = Vec::new();
+        for &i in pairs {
+            let pair = &self.scene.pairs[i];
+            if self.scene.contact(pair, &state).clearance < self.least {
+                return false;
+            }
+            let slack = self.least
+                + match pair.primitives {
+                    Primitives::Capsules(i, j) => deviation[i] + deviation[j],
+                    Primitives::CapsuleObstacle(i, _) => deviation[i],
+                    _ => 0.0,
+                };
+            if !self.scene.is_swept_clear(pair, a, b, slack) {
+                open.push(i);
+            }
+        }
+        if open.is_empty() {
+            return true;
+        }
+        if halvings == 0 {
+            return false;
+        }
+        [((a, &state), [s[0], middle]), ((&state, b), [middle, s[1]])]
+            .into_iter()
+            .all(|(states, s)| {
+                let left = self.not_clear_by_displacement(&open, states);
+                left.is_empty() || self.is_clear_between(&left, states, s, between, halvings - 1)
+            })
+    }
+
+    /// The pairs whose clearances at two states do not cover the motion between.
+    fn not_clear_by_displacement(&self, pairs: &[usize], (a, b): (&State, &State)) -> Vec<usize> {
+        let moved = displacements(a, b);
+        pairs
+            .iter()
+            .copied()
+            .filter(|&i| {
+                let pair = &self.scene.pairs[i];
+                let clearance =
+                    self.scene.contact(pair, a).clearance + self.scene.contact(pair, b).clearance;
+                let moved = self.scene.displacement(pair, &moved, a, b);
+                clearance - 2.0 * self.least <= CURVATURE_FACTOR * moved
+            })
+            .collect()
+    }
+}
+
+/// The largest displacement of each capsule.
+fn displacements(a: &State, b: &State) -> Vec<f64> {
+    let moved = |(a, b): (&Capsule, &Capsule)| (b.a - a.a).norm().max((b.b - a.b).norm());
+    a.capsules.iter().zip(&b.capsules).map(moved).collect()
+}
+
+impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
+    type Memory = Memory;
+
+    fn memory(&self) -> Memory {
+        Memory {
+            state: self.scene.state(self.manifold.structure().nodes.len()),
+            bounds: vec![f64::NEG_INFINITY; self.scene.pairs.len()],
+        }
+    }
+
+    fn enter(&self, x: &[f64], memory: &mut Memory) {
+        self.place(x, &mut memory.state);
+        memory.bounds.fill(f64::NEG_INFINITY);
+    }
+
+    fn step(
+        &self,
+        from: &Memory,
+        x: &[f64],
+        to: &mut Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+        violated: &mut Vec<usize>,
+    ) -> Result<(), Obstruction> {
+        if self.scene.pairs.is_empty() {
+            return Ok(());
+        }
+        self.place(x, &mut to.state);
+        let moved = displacements(&from.state, &to.state);
+        let mut doubtful = Vec::new();
+        for (i, (pair, (&before, after))) in self
+            .scene
+            .pairs
+            .iter()
+            .zip(from.bounds.iter().zip(&mut to.bounds))
+            .enumerate()
+        {
+            let moved = CURVATURE_FACTOR
+                * self
+                    .scene
+                    .displacement(pair, &moved, &from.state, &to.state);
+            *after = before - moved;
+            if *after > self.least {
+                continue;
+            }
+            let clearance = self.scene.contact(pair, &to.state).clearance;
+            *after = clearance;
+            if clearance < self.least {
+                violated.push(i);
+            } else if clearance - moved <= self.least
+                && before + clearance - 2.0 * self.least <= moved
+            {
+                doubtful.push(i);
+            }
+        }
+        if !violated.is_empty() {
+            return Err(Obstruction::Contacts);
+        }
+        if doubtful.is_empty() {
+            return Ok(());
+        }
+        let states = (&from.state, &to.state);
+        let doubtful = self.not_clear_by_displacement(&doubtful, states);
+        if doubtful.is_empty()
+            || self.is_clear_between(&doubtful, states, [0.0, 1.0], between, HALVINGS)
+        {
+            Ok(())
+        } else {
+            Err(Obstruction::Blocked)
+        }
+    }
+
+    fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {
+        let pair = &self.scene.pairs[contact];
+        let state = self.state(x);
+        let found = self.scene.contact(pair, &state);
+        let n = found.normal / self.size;
+        if !found.clearance.is_finite() || n.norm_squared() == 0.0 {
+            return None;
+        }
+        let gradients = std::cell::RefCell::new(Vec::with_capacity(6));
+        let add_capsule =
+            |capsule: usize, s: f64, n: Vector3<f64>| match &self.scene.capsules[capsule] {
+                MovingCapsule::Element {
+                    nodes: [a, b],
+                    ends,
+                    ..
+                } => {
+                    let length = (state.positions[*b] - state.positions[*a]).norm();
+                    let (first, last) = (ends[0].fraction(length), ends[1].fraction(length));
+                    let f = first + s * (last - first);
+                    gradients
+                        .borrow_mut()
+                        .extend([(*a, n * (1.0 - f)), (*b, n * f)]);
+                }
+                MovingCapsule::Attached {
+                    attachment, ends, ..
+                } => {
+                    let coordinates = ends[0] + (ends[1] - ends[0]) * s;
+                    let frame = &self.scene.frames[*attachment];
+                    let parts = frame.gradients(&coordinates, &n, &state.positions);
+                    gradients.borrow_mut().extend(parts);
+                }
+            };
+        let add_attached = |solid: usize, at: &Point3<f64>, n: Vector3<f64>| -> Option<()> {
+            let frame = &self.scene.frames[self.scene.attached[solid].attachment];
+            let axes = frame.world_axes(&state.positions).try_inverse()?;
+            let coordinates = axes * (at - state.positions[frame.nodes[0]]);
+            let parts = frame.gradients(&coordinates, &n, &state.positions);
+            gradients.borrow_mut().extend(parts);
+            Some(())
+        };
+        match pair.primitives {
+            Primitives::Capsules(i, j) => {
+                add_capsule(i, found.s, n);
+                add_capsule(j, found.t, -n);
+            }
+            Primitives::CapsuleObstacle(i, _) => add_capsule(i, found.s, n),
+            Primitives::CapsuleAttached(i, s) => {
+                add_capsule(i, found.s, n);
+                add_attached(s, &found.on_b, -n)?;
+            }
+            Primitives::AttachedObstacle(s, _) => add_attached(s, &found.on_a, n)?,
+            Primitives::AttachedAttached(s, r) => {
+                add_attached(s, &found.on_a, n)?;
+                add_attached(r, &found.on_b, -n)?;
+            }
+        }
+        self.manifold.pull_back(x, &gradients.into_inner(), row);
+        Some((found.clearance - self.least) / self.size)
+    }
+
+    fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {
+        let nodes = self.manifold.structure().nodes.len();
+        let mut positions = [vec![Point3::origin(); nodes], vec![Point3::origin(); nodes]];
+        self.manifold.positions(a, &mut positions[0]);
+        self.manifold.positions(b, &mut positions[1]);
+        positions[0]
+            .iter()
+            .zip(&positions[1])
+            .map(|(a, b)| (a - b).norm())
+            .fold(0.0, f64::max)
+    }
+
+    fn is_valid(&self, x: &[f64]) -> bool {
+        self.closest(x)
+            .is_none_or(|closest| closest.clearance >= self.least)
+    }
+}
