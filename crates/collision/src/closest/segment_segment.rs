@@ -3,7 +3,7 @@
 //!
 //! The parameter on the first line comes from cross products instead of the determinant `aa bb − ab²`: the
 //! determinant loses all digits at an angle of 1e-8, the cross products only half of them, and what they lose does
-//! not show in the distance. About 10 ns.
+//! not show in the distance. No branch but for parallels; about 10 ns.
 
 use nalgebra::{Point3, Vector3};
 
@@ -43,8 +43,8 @@ pub fn closest_points_segment_segment(
     let common = da.cross(&db);
     let sine = common.norm_squared();
     let (s, t, unique) = if sine > PARALLEL_SINE_SQUARED * aa * bb {
-        let s = (offset.cross(&db).dot(&common) / sine).clamp(0.0, 1.0);
-        let (s, t) = clamp_second(s, aa, bb, &da, &db, &offset);
+        let s = offset.cross(&db).dot(&common) / sine;
+        let (s, t) = alternate(s, aa, bb, &da, &db, &offset);
         (s, t, true)
     } else {
         nearly_parallel(aa, bb, sine, &da, &db, &offset, &common)
@@ -58,9 +58,10 @@ pub fn closest_points_segment_segment(
     }
 }
 
-/// The best `t` for `s`, and where it leaves its range, the best `s` for the end of B.
+/// The nearest point of A's line, clamped, its nearest on B, clamped, and the nearest to that on A again. The last
+/// step changes something only where B was clamped; to take it always costs less than to ask.
 #[inline(always)]
-fn clamp_second(
+fn alternate(
     s: f64,
     aa: f64,
     bb: f64,
@@ -68,15 +69,13 @@ fn clamp_second(
     db: &Vector3<f64>,
     offset: &Vector3<f64>,
 ) -> (f64, f64) {
-    let ab = da.dot(db);
-    let t = ab * s - db.dot(offset);
-    if t < 0.0 {
-        ((da.dot(offset) / aa).clamp(0.0, 1.0), 0.0)
-    } else if t > bb {
-        (((da.dot(offset) + ab) / aa).clamp(0.0, 1.0), 1.0)
-    } else {
-        (s, t / bb)
-    }
+    // Off the critical path: ready before `s` is.
+    let (inverse_aa, inverse_bb) = (1.0 / aa, 1.0 / bb);
+    let (ab, a_offset, b_offset) = (da.dot(db), da.dot(offset), db.dot(offset));
+    let s = s.clamp(0.0, 1.0);
+    let t = ((ab * s - b_offset) * inverse_bb).clamp(0.0, 1.0);
+    let s = ((ab * t + a_offset) * inverse_aa).clamp(0.0, 1.0);
+    (s, t)
 }
 
 /// Parallel, nearly parallel and point-like segments.
@@ -107,10 +106,10 @@ fn nearly_parallel(
     let (p, q) = (da.dot(offset) / aa, (da.dot(offset) + da.dot(db)) / aa);
     let (low, high) = (p.min(q).clamp(0.0, 1.0), p.max(q).clamp(0.0, 1.0));
     let s = if sine > EXACTLY_PARALLEL * aa * bb {
-        (offset.cross(db).dot(common) / sine).clamp(0.0, 1.0)
+        offset.cross(db).dot(common) / sine
     } else {
         0.5 * (low + high)
     };
-    let (s, t) = clamp_second(s, aa, bb, da, db, offset);
+    let (s, t) = alternate(s, aa, bb, da, db, offset);
     (s, t, high - low <= 1e-9)
 }

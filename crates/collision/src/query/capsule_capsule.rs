@@ -32,8 +32,9 @@ pub fn capsule_capsule(a: &Capsule, b: &Capsule) -> Contact {
     let squared = apart.norm_squared();
     let reach = TOUCHING * TOUCHING * (a.axis().norm_squared() + b.axis().norm_squared());
     let (distance, normal, unique) = if squared > reach {
+        // Root and quotient do not wait for each other.
         let distance = squared.sqrt();
-        (distance, apart * (1.0 / distance), pair.unique)
+        (distance, apart * (distance * (1.0 / squared)), pair.unique)
     } else {
         (0.0, perpendicular_of_both(a, b), false)
     };

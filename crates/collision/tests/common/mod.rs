@@ -12,7 +12,7 @@ pub fn generator(seed: u64) -> Pcg64 {
 
 /// Uniform in a cube.
 pub fn vector(rng: &mut Pcg64, reach: f64) -> Vector3<f64> {
-    Vector3::from_fn(|_, _| rng.random_range(-reach..reach))
+    Vector3::from_fn(|_, _| rng.random_range(-reach..=reach))
 }
 
 pub fn point(rng: &mut Pcg64, reach: f64) -> Point3<f64> {
