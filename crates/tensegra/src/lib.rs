@@ -1,1 +1,41 @@
 //! Motion planning of tensegrity structures and truss robots.
+//!
+//! This crate gathers the others under one name and adds the glue between a
+//! problem file and a plan that programs, benchmarks and users share:
+//!
+//! ```no_run
+//! use tensegra::prelude::*;
+//!
+//! let problem = Problem::read("fixtures/kite.toml".as_ref())?;
+//! let plan = tensegra::plan(&problem, &mut ())?;
+//! let report = tensegra::check::check_path(&problem, &plan.path, &CheckOptions::default());
+//! println!("{} configurations, {report}", plan.path.configurations.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Each module is a crate that can be used alone.
+
+pub use tensegra_atlas as atlas;
+pub use tensegra_check as check;
+pub use tensegra_collision as collision;
+pub use tensegra_io as io;
+pub use tensegra_model as model;
+pub use tensegra_sampling as sampling;
+
+mod describe;
+mod endpoint;
+mod planning;
+
+pub use describe::{Description, describe};
+pub use endpoint::{EndpointError, complete, refine};
+pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
+
+/// What most programs need.
+pub mod prelude {
+    pub use crate::{Plan, PlanningError, plan};
+    pub use tensegra_check::{CheckOptions, check_path};
+    pub use tensegra_model::{
+        Configuration, Environment, Formulation, Path, Problem, Structure, StructureBuilder,
+    };
+    pub use tensegra_sampling::{Observer, Progress};
+}

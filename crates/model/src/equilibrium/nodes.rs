@@ -153,6 +153,7 @@ pub struct NodesManifold {
     force_weight: f64,
     variables: usize,
     raw_variables: usize,
+    raw_equations: usize,
     coordinates: AffineMap,
     densities: AffineMap,
     links: Vec<Link>,
@@ -196,11 +197,16 @@ impl NodesManifold {
         self.size
     }
 
-    /// Number of unknowns and equations before elimination: all coordinates,
-    /// and a force density for each element that carries a force; balance,
-    /// constitutive laws, lengths, gauge, couplings and pretension.
+    /// Number of variables before elimination: all coordinates, and a force
+    /// density for each element whose force does not follow from its length.
     pub fn raw_variable_count(&self) -> usize {
         self.raw_variables
+    }
+
+    /// Number of equations before elimination: the linear conditions on these
+    /// variables (planarity, gauge, couplings), and the equations that remain.
+    pub fn raw_equation_count(&self) -> usize {
+        self.raw_equations
     }
 
     fn evaluate_links(&self, x: &[f64], scratch: &mut Scratch) {
@@ -633,11 +639,13 @@ impl<'a> Builder<'a> {
     }
 
     /// Linear conditions on coordinates and densities.
-    fn eliminate(&self) -> Result<Elimination, EquilibriumError> {
+    fn eliminate(&self) -> Result<(Elimination, usize), EquilibriumError> {
         let s = self.structure;
         let n = 3 * s.nodes.len();
         let mut elimination = Elimination::new(n + self.unknown_densities.len());
+        let mut count = 0;
         let mut add = |terms: &[(usize, f64)], b: f64, what: &dyn Fn() -> String| {
+            count += 1;
             elimination
                 .add(terms, b)
                 .map_err(|by| EquilibriumError::Contradiction { what: what(), by })
@@ -701,7 +709,7 @@ impl<'a> Builder<'a> {
                 Coupling::Length { .. } | Coupling::Rest { .. } => {}
             }
         }
-        Ok(elimination)
+        Ok((elimination, count))
     }
 
     fn are_rigid(&self, a: usize, b: usize) -> bool {
@@ -739,7 +747,7 @@ impl<'a> Builder<'a> {
     fn build(mut self) -> Result<NodesManifold, EquilibriumError> {
         let s = self.structure;
         let node_count = s.nodes.len();
-        let elimination = self.eliminate()?;
+        let (elimination, conditions) = self.eliminate()?;
         let raw = 3 * node_count + self.unknown_densities.len();
         // Free variables, scaled.
         let mut column = vec![None; raw];
@@ -855,6 +863,7 @@ impl<'a> Builder<'a> {
             force_weight: self.force_weight,
             variables,
             raw_variables: raw,
+            raw_equations: conditions + balance_count + equations.len(),
             coordinates,
             densities,
             loads: s.nodes.iter().map(|node| node.load.into()).collect(),
