@@ -1,1 +1,49 @@
-fn main() {}
+//! The program `tensegra`: planning the motion of tensegrity structures from
+//! the command line. Each verb is a module of [`commands`].
+
+mod commands;
+mod failure;
+mod progress;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Plan the motion of tensegrity structures, and trust the result.
+///
+/// A problem is a TOML file (structure, obstacles, start, goal), or a .tens
+/// structure file with its .param and .links files beside it.
+#[derive(Parser)]
+#[command(name = "tensegra", version, max_term_width = 100)]
+#[command(after_help = "Examples:\n  \
+    tensegra plan fixtures/kite.toml                  plan, check, write out/kite/\n  \
+    tensegra info fixtures/kite.toml                  what the structure is\n  \
+    tensegra check out/kite/path.json                 judge a path again\n\n\
+    Exit status: 0 success, 1 no plan found or path refused, 2 bad input.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Info(commands::info::Arguments),
+    Plan(commands::plan::Arguments),
+    Check(commands::check::Arguments),
+}
+
+fn main() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Info(arguments) => commands::info::run(&arguments),
+        Command::Plan(arguments) => commands::plan::run(&arguments),
+        Command::Check(arguments) => commands::check::run(&arguments),
+    };
+    match outcome {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(failure) => {
+            failure.report();
+            ExitCode::from(2)
+        }
+    }
+}

@@ -150,3 +150,20 @@ fn statics_counts(structure: &Structure, at: &Configuration) -> (usize, usize) {
     let freedoms = d * touched.len();
     (carrying.len() - rank, freedoms.saturating_sub(rigid + rank))
 }
+
+/// What would keep the problem from being planned: endpoints that are missing,
+/// in collision or out of range. Each is a sentence.
+pub fn find_flaws(problem: &Problem) -> Vec<String> {
+    let mut flaws = Vec::new();
+    for (which, endpoint) in [("start", &problem.start), ("goal", &problem.goal)] {
+        if endpoint.is_none() {
+            flaws.push(EndpointError::Missing { which }.to_string());
+        }
+    }
+    if flaws.is_empty()
+        && let Err(error) = crate::planning::prepare(problem)
+    {
+        flaws.push(error.to_string());
+    }
+    flaws
+}

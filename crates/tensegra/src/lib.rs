@@ -26,7 +26,7 @@ mod describe;
 mod endpoint;
 mod planning;
 
-pub use describe::{Description, describe};
+pub use describe::{Description, describe, find_flaws};
 pub use endpoint::{EndpointError, complete, refine};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
 

@@ -3,8 +3,9 @@
 use cpu_time::ThreadTime;
 use tensegra_atlas::{ChartDomain, ManifoldError};
 use tensegra_model::{
-    Body, BodyError, Configuration, DirectionsManifold, EquilibriumError, EquilibriumManifold,
-    Formulation, FreeSpace, NodesManifold, Path, PlannerKind, Problem, SamplingRadius, Structure,
+    Body, BodyError, Configuration, DirectionsManifold, Endpoint, EquilibriumError,
+    EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PathMeasure, PlannerKind,
+    Problem, SamplingRadius, Structure,
 };
 use tensegra_sampling::{AtlasRrt, Observer, PlanError, PlannerOptions, SampleRadius, Statistics};
 
@@ -100,25 +101,31 @@ pub fn equilibrium_manifold(
     })
 }
 
-/// Plans a motion from the problem's start to its goal.
-///
-/// # Errors
-/// [`PlanningError`]: the input is refused, with the offending quantity, or no
-/// path was found, with statistics.
-pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, PlanningError> {
-    let clock = ThreadTime::now();
+/// A problem made ready for planning.
+pub(crate) struct Prepared {
+    manifold: Box<dyn EquilibriumManifold>,
+    start: Vec<f64>,
+    goal: Vec<f64>,
+    dimension: usize,
+    size: f64,
+}
+
+/// Builds the manifold, refines start and goal onto it, and refuses what no
+/// planner could solve.
+pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
     let settings = &problem.settings;
     let structure = &problem.structure;
-    let stated =
-        |which, endpoint: &Option<_>| endpoint.as_ref().ok_or(EndpointError::Missing { which });
-    let start = complete(structure, stated("start", &problem.start)?);
-    let goal = complete(structure, stated("goal", &problem.goal)?);
-    let size = NodesManifold::new(structure, &start.positions)?.size();
-    let manifold = equilibrium_manifold(structure, settings.formulation, &start)?;
-    let manifold = manifold.as_ref();
-    let x_start = refine(manifold, "start", &start, size)?;
-    let x_goal = refine(manifold, "goal", &goal, size)?;
-    let dimension = tensegra_atlas::dimension(manifold, &x_start);
+    let stated = |which, endpoint: &Option<Endpoint>| match endpoint {
+        Some(endpoint) => Ok(complete(structure, endpoint)),
+        None => Err(EndpointError::Missing { which }),
+    };
+    let stated_start = stated("start", &problem.start)?;
+    let stated_goal = stated("goal", &problem.goal)?;
+    let size = NodesManifold::new(structure, &stated_start.positions)?.size();
+    let manifold = equilibrium_manifold(structure, settings.formulation, &stated_start)?;
+    let start = refine(manifold.as_ref(), "start", &stated_start, size)?;
+    let goal = refine(manifold.as_ref(), "goal", &stated_goal, size)?;
+    let dimension = tensegra_atlas::dimension(manifold.as_ref(), &start);
     if let Some(stated) = settings.expected_dimension
         && stated != dimension
     {
@@ -127,7 +134,7 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
             stated,
         });
     }
-    let at_goal = tensegra_atlas::dimension(manifold, &x_goal);
+    let at_goal = tensegra_atlas::dimension(manifold.as_ref(), &goal);
     if at_goal != dimension {
         let error = ManifoldError::DimensionChanges {
             first: dimension,
@@ -139,8 +146,8 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
         }
         .into());
     }
-    let mut free = FreeSpace::new(manifold, &problem.environment, size)?;
-    for (which, x) in [("start", &x_start), ("goal", &x_goal)] {
+    let free = FreeSpace::new(manifold.as_ref(), &problem.environment, size)?;
+    for (which, x) in [("start", &start), ("goal", &goal)] {
         if let Some(closest) = free.closest(x)
             && closest.clearance <= 0.0
         {
@@ -152,12 +159,33 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
                 depth: -closest.clearance,
             });
         }
-        free.admit(x);
     }
+    Ok(Prepared {
+        manifold,
+        start,
+        goal,
+        dimension,
+        size,
+    })
+}
+
+/// Plans a motion from the problem's start to its goal.
+///
+/// # Errors
+/// [`PlanningError`]: the input is refused, with the offending quantity, or no
+/// path was found, with statistics.
+pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, PlanningError> {
+    let clock = ThreadTime::now();
+    let settings = &problem.settings;
+    let prepared = prepare(problem)?;
+    let manifold = prepared.manifold.as_ref();
+    let mut free = FreeSpace::new(manifold, &problem.environment, prepared.size)?;
+    free.admit(&prepared.start);
+    free.admit(&prepared.goal);
     let preparation_seconds = clock.elapsed().as_secs_f64();
     let planner = AtlasRrt::new(manifold, &free, planner_options(problem))
-        .max_displacement(settings.step * size);
-    let found = planner.plan(&x_start, &x_goal, observer)?;
+        .max_displacement(settings.step * prepared.size);
+    let found = planner.plan(&prepared.start, &prepared.goal, observer)?;
     let path = Path {
         configurations: found
             .points
@@ -165,15 +193,15 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
             .map(|x| manifold.configuration(x))
             .collect(),
     };
-    let effort = tensegra_model::PathEffort::new(structure)?;
+    let measure = PathMeasure::new(&problem.structure)?;
     Ok(Plan {
-        path_length: effort.path_length(&path),
-        control_effort: effort.control_effort(&path),
+        path_length: measure.path_length(&path),
+        control_effort: measure.control_effort(&path),
         path,
         planning_seconds: found.statistics.seconds,
         statistics: found.statistics,
         preparation_seconds,
-        dimension,
+        dimension: prepared.dimension,
         formulation: settings.formulation,
         seed: problem.seed,
     })

@@ -1,0 +1,76 @@
+//! `tensegra check`: the independent judge of a path file.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+use tensegra::{
+    check::{CheckOptions, Report, check_path},
+    io::read_path_file,
+};
+
+use super::{json_failure, print_json, read_problem};
+use crate::failure::Failure;
+
+/// Judge a path: equilibrium, ranges, start and goal, and clearance at and
+/// between the configurations, by code that shares nothing with the planner.
+///
+/// Prints each worst figure and where it occurs.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  tensegra check out/kite/path.json")]
+pub struct Arguments {
+    /// Path file (JSON) written by `tensegra plan`.
+    path: PathBuf,
+    /// Problem to judge it against [default: the one that the path names].
+    #[arg(long)]
+    problem: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
+    let report = judge(&arguments.path, arguments.problem.as_deref())
+        .map_err(|failure| json_failure(arguments.json, "ok", failure))?;
+    if arguments.json {
+        let mut value = json!(report);
+        // One sentence a failure, for those who only want to know why.
+        value["reasons"] = report
+            .failures
+            .iter()
+            .map(|failure| json!(failure.message))
+            .collect();
+        print_json(&value);
+    } else {
+        println!("{report}");
+    }
+    Ok(report.ok)
+}
+
+fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {
+    let contents = read_path_file(file).map_err(Failure::message)?;
+    let problem_file = match problem {
+        Some(problem) => problem.to_path_buf(),
+        None => contents.problem_file(file).map_err(Failure::message)?,
+    };
+    let problem = read_problem(&problem_file)?;
+    let names = problem.structure.nodes.iter().map(|node| &node.name);
+    let elements = problem
+        .structure
+        .elements
+        .iter()
+        .map(|element| &element.name);
+    if !names.eq(&contents.nodes) || !elements.eq(contents.elements.iter().map(|e| &e.id)) {
+        return Err(Failure::Message(format!(
+            "`{}` has other nodes or elements than `{}`: check it against the problem that it was \
+             planned for",
+            file.display(),
+            problem_file.display()
+        )));
+    }
+    Ok(check_path(
+        &problem,
+        &contents.path,
+        &CheckOptions::default(),
+    ))
+}

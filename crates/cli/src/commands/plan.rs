@@ -1,0 +1,459 @@
+//! `tensegra plan`: plans a motion, judges it, and writes it for other tools.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use tensegra::{
+    Plan, PlanningError,
+    check::{Check, CheckOptions, Report, check_path},
+    io::{
+        LogOptions, PathFile, Picture, Quantity, Units, draw_configuration, draw_forces,
+        draw_paths, draw_snapshots, write_log, write_path_file,
+    },
+    model::{ElementKind, PlannerKind, Problem},
+    sampling::{Statistics, StopCounts},
+};
+
+use super::{Formulation, formulation_name, json_failure, print_json, read_problem};
+use crate::{failure::Failure, progress::Spinner};
+
+/// Snapshots between start and goal in the picture of the motion.
+const SNAPSHOTS: usize = 4;
+/// Pixels to a CSS pixel in PNG pictures.
+const PNG_SCALE: f64 = 2.0;
+
+/// Plan a motion from the problem's start to its goal, judge it, and write it.
+///
+/// Writes into the output folder: path.json (the path), path.mcap (for
+/// Foxglove), and pictures as SVG and PNG: start, goal, snapshots, forces along
+/// the path, and the path in the space of three cable lengths.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    tensegra plan fixtures/kite.toml\n  \
+    tensegra plan fixtures/kite.toml --seed 7 --formulation directions --out /tmp/kite\n  \
+    tensegra plan fixtures/kite.toml --seeds 1..20 --json\n\n\
+    Exit status: 0 solved and accepted by the judge, 1 not, 2 bad input.")]
+pub struct Arguments {
+    /// Problem (.toml) or structure (.tens) file.
+    problem: PathBuf,
+    /// Seed of every random choice [default: the problem's].
+    #[arg(long, conflicts_with = "seeds")]
+    seed: Option<u64>,
+    /// Plan with every seed from A to B (both included); each seed writes its
+    /// path.json and path.mcap into a folder of its own, without pictures.
+    #[arg(long, value_name = "A..B", value_parser = parse_seeds)]
+    seeds: Option<(u64, u64)>,
+    /// Coordinates of the equilibrium manifold [default: the problem's].
+    #[arg(long, value_enum)]
+    formulation: Option<Formulation>,
+    /// Planner [default: the problem's].
+    #[arg(long, value_enum)]
+    planner: Option<Planner>,
+    /// CPU seconds after which planning is given up [default: the problem's].
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    time_limit: Option<f64>,
+    /// Output folder [default: out/NAME].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object (with --seeds, an array of them).
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Planner {
+    /// AtlasRRT with a tree from the start and one from the goal.
+    TwoTrees,
+    /// AtlasRRT with a tree from the start.
+    OneTree,
+}
+
+fn parse_seeds(text: &str) -> Result<(u64, u64), String> {
+    let wrong = || format!("`{text}` is no range of seeds; write A..B with A ≤ B, such as 1..20");
+    let (a, b) = text.split_once("..").ok_or_else(wrong)?;
+    let b = b.strip_prefix('=').unwrap_or(b);
+    let (a, b) = (
+        a.parse().map_err(|_| wrong())?,
+        b.parse().map_err(|_| wrong())?,
+    );
+    if a <= b { Ok((a, b)) } else { Err(wrong()) }
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
+        _ => Err(format!(
+            "`{text}` is no time; give a positive number of seconds"
+        )),
+    }
+}
+
+/// One run of the planner with what was made of it.
+struct Outcome {
+    seed: u64,
+    result: Result<Solved, (PlanningError, Statistics)>,
+}
+
+struct Solved {
+    plan: Plan,
+    report: Report,
+    check_seconds: f64,
+    write_seconds: f64,
+    files: Vec<PathBuf>,
+}
+
+/// Runs the verb.
+pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
+    let outcomes =
+        plan_all(arguments).map_err(|failure| json_failure(arguments.json, "solved", failure))?;
+    let accepted = |outcome: &Outcome| matches!(&outcome.result, Ok(s) if s.report.ok);
+    let success = outcomes.iter().all(accepted);
+    if arguments.json {
+        let mut values: Vec<Value> = outcomes.iter().map(as_json).collect();
+        if arguments.seeds.is_some() {
+            print_json(&Value::Array(values));
+        } else if let Some(value) = values.pop() {
+            print_json(&value);
+        }
+    } else if arguments.seeds.is_some() {
+        print_many(&outcomes);
+    } else {
+        outcomes.iter().for_each(print_one);
+    }
+    Ok(success)
+}
+
+fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
+    let mut problem = read_problem(&arguments.problem)?;
+    if let Some(formulation) = arguments.formulation {
+        problem.settings.formulation = formulation.into();
+    }
+    if let Some(planner) = arguments.planner {
+        problem.settings.planner = match planner {
+            Planner::TwoTrees => PlannerKind::TwoTrees,
+            Planner::OneTree => PlannerKind::OneTree,
+        };
+    }
+    if let Some(seconds) = arguments.time_limit {
+        problem.settings.time_limit = seconds;
+    }
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new("out").join(&problem.name));
+    // An unwritable folder is found before the work, not after it.
+    require_writable(&out)?;
+    let (first, last) = arguments
+        .seeds
+        .unwrap_or_else(|| (arguments.seed.unwrap_or(problem.seed), problem.seed));
+    let last = if arguments.seeds.is_some() {
+        last
+    } else {
+        first
+    };
+    (first..=last)
+        .map(|seed| {
+            problem.seed = seed;
+            let (folder, pictures) = match arguments.seeds {
+                Some(_) => (out.join(format!("seed-{seed}")), false),
+                None => (out.clone(), true),
+            };
+            plan_one(&problem, &folder, pictures)
+        })
+        .collect()
+}
+
+fn require_writable(folder: &Path) -> Result<(), Failure> {
+    let unwritable = |error: std::io::Error| {
+        Failure::Message(format!(
+            "cannot write into `{}`: {error}; choose another folder with --out",
+            folder.display()
+        ))
+    };
+    std::fs::create_dir_all(folder).map_err(unwritable)?;
+    tempfile::tempfile_in(folder).map(drop).map_err(unwritable)
+}
+
+fn plan_one(problem: &Problem, folder: &Path, pictures: bool) -> Result<Outcome, Failure> {
+    let mut spinner = Spinner::new(&format!("planning {}, seed {}", problem.name, problem.seed));
+    let result = tensegra::plan(problem, &mut spinner);
+    drop(spinner);
+    let plan = match result {
+        Ok(plan) => plan,
+        Err(error) => match error.statistics().copied() {
+            Some(statistics) => {
+                return Ok(Outcome {
+                    seed: problem.seed,
+                    result: Err((error, statistics)),
+                });
+            }
+            None => return Err(Failure::message(error)),
+        },
+    };
+    let clock = Instant::now();
+    let report = check_path(problem, &plan.path, &CheckOptions::default());
+    let check_seconds = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let files = write(problem, &plan, &report, folder, pictures)?;
+    let write_seconds = clock.elapsed().as_secs_f64();
+    let solved = Solved {
+        plan,
+        report,
+        check_seconds,
+        write_seconds,
+        files,
+    };
+    Ok(Outcome {
+        seed: problem.seed,
+        result: Ok(solved),
+    })
+}
+
+/// Writes path, log and pictures; returns their names, the path first.
+fn write(
+    problem: &Problem,
+    plan: &Plan,
+    report: &Report,
+    folder: &Path,
+    pictures: bool,
+) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = vec![folder.join("path.json"), folder.join("path.mcap")];
+    let mut contents = PathFile::new(problem, plan.path.clone());
+    contents.statistics = statistics_json(&plan.statistics, plan.planning_seconds);
+    contents.check = json!(report);
+    write_path_file(&files[0], &contents).map_err(Failure::message)?;
+    write_log(&files[1], problem, &plan.path, &LogOptions::default()).map_err(Failure::message)?;
+    if !pictures {
+        return Ok(files);
+    }
+    let (structure, environment) = (&problem.structure, &problem.environment);
+    let units = Units::default();
+    let configurations = &plan.path.configurations;
+    let mut drawn: Vec<(&str, Picture)> = Vec::new();
+    let mut draw = |name, picture: Result<Picture, tensegra::io::PictureError>| {
+        picture
+            .map(|picture| drawn.push((name, picture)))
+            .map_err(Failure::message)
+    };
+    for (name, configuration) in [
+        ("start", configurations.first()),
+        ("goal", configurations.last()),
+    ] {
+        if let Some(configuration) = configuration {
+            let title = format!("{}: {name}", problem.name);
+            draw(
+                name,
+                draw_configuration(structure, environment, configuration, &title, &units),
+            )?;
+        }
+    }
+    draw(
+        "snapshots",
+        draw_snapshots(structure, environment, &plan.path, SNAPSHOTS, &units),
+    )?;
+    draw("forces", draw_forces(structure, &plan.path, &units))?;
+    if let Some(quantities) = three_lengths(problem) {
+        let paths = [("path", &plan.path)];
+        draw("lengths", draw_paths(structure, &paths, quantities, &units))?;
+    }
+    for (name, picture) in &drawn {
+        let (svg, png) = (
+            folder.join(format!("{name}.svg")),
+            folder.join(format!("{name}.png")),
+        );
+        picture.write(&svg).map_err(Failure::message)?;
+        picture
+            .write_png(&png, PNG_SCALE)
+            .map_err(Failure::message)?;
+        files.extend([svg, png]);
+    }
+    Ok(files)
+}
+
+/// The first three cables (or, where there are fewer, elements) whose lengths
+/// vary.
+fn three_lengths(problem: &Problem) -> Option<[Quantity; 3]> {
+    let elements = &problem.structure.elements;
+    let mut varying: Vec<usize> = (0..elements.len())
+        .filter(|&e| !elements[e].has_constant_length())
+        .collect();
+    varying.sort_by_key(|&e| elements[e].kind != ElementKind::Cable);
+    match varying[..] {
+        [a, b, c, ..] => Some([a, b, c].map(Quantity::Length)),
+        _ => None,
+    }
+}
+
+fn statistics_json(s: &Statistics, planning_seconds: f64) -> Value {
+    json!({
+        "planning_seconds": planning_seconds,
+        "charts": s.charts,
+        "nodes": s.nodes,
+        "extensions": s.extensions,
+        "productive_extensions": s.productive_extensions,
+        "projections": s.projections,
+        "chord_iterations": s.chord_iterations,
+        "newton_iterations": s.newton_iterations,
+        "validity_tests": s.validity_tests,
+        "sliding_steps": s.sliding_steps,
+        "stops": stops(&s.stops).into_iter().map(|(k, v)| (k.to_owned(), json!(v)))
+            .collect::<serde_json::Map<_, _>>(),
+    })
+}
+
+fn stops(stops: &StopCounts) -> [(&'static str, usize); 8] {
+    [
+        ("reached", stops.reached),
+        ("limit", stops.limit),
+        ("contact", stops.contact),
+        ("blocked", stops.blocked),
+        ("no_progress", stops.no_progress),
+        ("correction", stops.correction),
+        ("projection", stops.projection),
+        ("singular", stops.singular),
+    ]
+}
+
+fn as_json(outcome: &Outcome) -> Value {
+    match &outcome.result {
+        Ok(solved) => {
+            let plan = &solved.plan;
+            json!({
+                "solved": true,
+                "seed": outcome.seed,
+                "formulation": formulation_name(plan.formulation),
+                "planning_seconds": plan.planning_seconds,
+                "charts": plan.statistics.charts,
+                "nodes": plan.statistics.nodes,
+                "dimension": plan.dimension,
+                "configurations": plan.path.configurations.len(),
+                "path_length": plan.path_length,
+                "control_effort": plan.control_effort,
+                "path": solved.files[0],
+                "files": solved.files,
+                "statistics": statistics_json(&plan.statistics, plan.planning_seconds),
+                "check": solved.report,
+            })
+        }
+        Err((error, statistics)) => json!({
+            "solved": false,
+            "seed": outcome.seed,
+            "planning_seconds": statistics.seconds,
+            "charts": statistics.charts,
+            "nodes": statistics.nodes,
+            "path_length": null,
+            "control_effort": null,
+            "path": null,
+            "error": error.to_string(),
+            "statistics": statistics_json(statistics, statistics.seconds),
+            "check": null,
+        }),
+    }
+}
+
+fn print_one(outcome: &Outcome) {
+    match &outcome.result {
+        Ok(solved) => print_solved(outcome.seed, solved),
+        Err((error, statistics)) => {
+            println!("not solved         {error}");
+            print_statistics(statistics);
+        }
+    }
+}
+
+fn print_solved(seed: u64, solved: &Solved) {
+    let Solved { plan, report, .. } = solved;
+    println!(
+        "solved             seed {seed}, formulation {}",
+        formulation_name(plan.formulation)
+    );
+    println!(
+        "time               preparation {:.4} s, planning {:.4} s, check {:.3} s, writing {:.3} s",
+        plan.preparation_seconds, plan.planning_seconds, solved.check_seconds, solved.write_seconds
+    );
+    print_statistics(&plan.statistics);
+    println!(
+        "path               {} configurations, length {:.4}, control effort {:.4}",
+        plan.path.configurations.len(),
+        plan.path_length,
+        plan.control_effort
+    );
+    for (label, check) in [
+        ("clearance", Check::Clearance),
+        ("  between samples", Check::ClearanceBetween),
+        ("largest step", Check::Displacement),
+        ("worst balance", Check::Balance),
+        ("stiffness", Check::Stability),
+    ] {
+        if let Some(figure) = report.figure(check) {
+            println!(
+                "{label:<18} {:.3e}  {} {}",
+                figure.value, figure.subject, figure.location
+            );
+        }
+    }
+    if report.ok {
+        println!("check              accepted by the independent judge");
+    } else {
+        println!("check              REFUSED by the independent judge");
+        for failure in &report.failures {
+            println!("                   {}", failure.message);
+        }
+    }
+    for (i, file) in solved.files.iter().enumerate() {
+        println!(
+            "{:<18} {}",
+            if i == 0 { "written" } else { "" },
+            file.display()
+        );
+    }
+}
+
+fn print_statistics(s: &Statistics) {
+    println!(
+        "search             {} charts, {} nodes, {} branches ({} productive)",
+        s.charts, s.nodes, s.extensions, s.productive_extensions
+    );
+    let reasons: Vec<String> = stops(&s.stops)
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(reason, count)| format!("{} {count}", reason.replace('_', " ")))
+        .collect();
+    println!("branches ended     {}", reasons.join(", "));
+}
+
+fn print_many(outcomes: &[Outcome]) {
+    println!("  seed  solved  check     planning s   charts    nodes   length   effort");
+    let mut seconds = Vec::new();
+    for outcome in outcomes {
+        match &outcome.result {
+            Ok(Solved { plan, report, .. }) => {
+                seconds.push(plan.planning_seconds);
+                println!(
+                    "{:>6}  yes     {:<8} {:>11.5} {:>8} {:>8} {:>8.3} {:>8.3}",
+                    outcome.seed,
+                    if report.ok { "accepted" } else { "REFUSED" },
+                    plan.planning_seconds,
+                    plan.statistics.charts,
+                    plan.statistics.nodes,
+                    plan.path_length,
+                    plan.control_effort
+                );
+            }
+            Err((error, statistics)) => println!(
+                "{:>6}  NO               {:>11.5} {:>8} {:>8}  {error}",
+                outcome.seed, statistics.seconds, statistics.charts, statistics.nodes
+            ),
+        }
+    }
+    seconds.sort_by(f64::total_cmp);
+    if let Some(median) = tensegra::io::quantile(&seconds, 0.5) {
+        println!(
+            "{} of {} solved; median planning time {median:.5} s",
+            seconds.len(),
+            outcomes.len()
+        );
+    }
+}
