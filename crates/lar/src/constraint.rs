@@ -299,6 +299,7 @@ impl CornerDerivatives {
 
 /// The rigidity constraint √(bound/least) − 1 ≥ 0 on the smooth lower bound of the index; the
 /// root because the eigenvalue vanishes quadratically at a singular configuration.
+#[derive(Debug)]
 pub(crate) struct RigidityFunction {
     spectrum: RigiditySpectrum,
     least: f64,
@@ -309,6 +310,11 @@ impl RigidityFunction {
     pub(crate) fn at(robot: &Robot, coordinates: &[f64], least: f64) -> Self {
         let spectrum = RigiditySpectrum::at(robot.graph(), robot.dimension(), coordinates);
         Self { spectrum, least }
+    }
+
+    /// Largest factor by which an index exceeds its smooth bound, with `count` eigenvalues.
+    pub(crate) fn largest_gap(count: usize) -> f64 {
+        RigiditySpectrum::largest_gap(count)
     }
 
     pub(crate) fn value(&self) -> f64 {

@@ -43,3 +43,9 @@ pub use primitive::{
 mod known;
 
 pub use known::{RobotAtStart, unit_k5, unit_octahedron};
+
+mod greedy;
+
+pub use greedy::{
+    GreedyError, GreedyObjective, GreedyOptions, GreedyPlanner, GreedyStop, GreedyWalk, Persistence,
+};

@@ -205,6 +205,11 @@ impl RigiditySpectrum {
         self.dimension.node(entries, a) - self.dimension.node(entries, b)
     }
 
+    /// Largest factor by which the index exceeds its smooth bound, with `count` eigenvalues.
+    pub(crate) fn largest_gap(count: usize) -> f64 {
+        (count as f64).powf(1.0 / POWER)
+    }
+
     /// The smooth lower bound (Σ μᵢ^−p)^(−1/p) of the index.
     #[must_use]
     pub fn smooth_index(&self) -> f64 {
