@@ -9,11 +9,16 @@
 
 mod builder;
 mod configuration;
+mod declarations;
 mod diagnostic;
 mod environment;
 mod equilibrium;
+mod files;
+mod free_space;
 mod problem;
+mod problem_file;
 mod structure;
+mod tens;
 mod validate;
 
 pub use builder::{ElementSpec, StructureBuilder};
@@ -23,7 +28,10 @@ pub use environment::{
     BadShape, Body, CollisionRule, Environment, EnvironmentBuilder, EnvironmentError,
     EnvironmentFlaw, EnvironmentPlace, Obstacle, PairSelection, Role, Shape,
 };
-pub use equilibrium::{EquilibriumError, EquilibriumManifold, NodesManifold};
+pub use equilibrium::{
+    DirectionsManifold, EquationCounts, EquilibriumError, EquilibriumManifold, NodesManifold,
+};
+pub use free_space::{BodyError, Closest, FreeSpace, Memory};
 pub use problem::{Endpoint, Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius};
 pub use structure::{
     Anchor, Appearance, AttachedShape, Attachment, Coupling, Element, ElementKind, FixedCoordinate,

@@ -1,10 +1,15 @@
 //! A planning problem: structure, environment, start, goal and settings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use nalgebra::Point3;
 
-use crate::{environment::Environment, structure::Structure};
+use crate::{
+    diagnostic::{Finding, ReadErrors, SourceFile},
+    environment::Environment,
+    problem_file,
+    structure::Structure,
+};
 
 /// The coordinates in which the equilibrium manifold is described.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -102,6 +107,20 @@ pub struct Endpoint {
     pub positions: Vec<Point3<f64>>,
     /// Force of every element, where stated.
     pub forces: Vec<Option<f64>>,
+    /// Rest length of every element, where stated.
+    pub rest_lengths: Vec<Option<f64>>,
+}
+
+impl Endpoint {
+    /// An endpoint that states positions alone.
+    pub fn at(positions: Vec<Point3<f64>>, structure: &Structure) -> Self {
+        let elements = structure.elements.len();
+        Self {
+            positions,
+            forces: vec![None; elements],
+            rest_lengths: vec![None; elements],
+        }
+    }
 }
 
 /// A planning problem.
@@ -123,4 +142,35 @@ pub struct Problem {
     pub settings: PlannerSettings,
     /// Seed of every random choice.
     pub seed: u64,
+    /// The texts it was read from, the file named by `source` first.
+    pub files: Vec<SourceFile>,
+    /// Warnings and notes from reading.
+    pub notices: Vec<Finding>,
+}
+
+impl Problem {
+    /// A problem without obstacles, start and goal, with default settings.
+    pub fn new(name: impl Into<String>, structure: Structure) -> Self {
+        Self {
+            name: name.into(),
+            source: None,
+            structure,
+            environment: Environment::default(),
+            start: None,
+            goal: None,
+            settings: PlannerSettings::default(),
+            seed: 0,
+            files: Vec::new(),
+            notices: Vec::new(),
+        }
+    }
+
+    /// Reads a problem file (`.toml`), or a structure file (`.tens`) with its
+    /// siblings `.param` and `.links`, rows 1 and 2 of which are start and goal.
+    ///
+    /// # Errors
+    /// Everything found to be wrong, each with file, line, column and a hint.
+    pub fn read(path: &Path) -> Result<Self, ReadErrors> {
+        problem_file::read(path)
+    }
 }
