@@ -6,11 +6,11 @@
 //! (2016), eqs. (10)–(14).
 //!
 //! The exponential map solves F(x) = 0 with x − x_c − Φ t in the normal space at
-//! the centre. It keeps the triangle R of the factorisation at the centre and
-//! iterates x ← x − Jᵀ R⁻¹ R⁻ᵀ F(x) on independent rows: a residual, two
-//! triangular solves and a sparse product an iteration (r² multiplications),
-//! linearly convergent; where that contracts poorly it falls back to Newton's
-//! method in the same normal space.
+//! the centre. The chart keeps the pseudo-inverse B of the independent rows of
+//! the Jacobian at the centre, and iterates x ← x − B F(x), accelerated by
+//! Broyden's rank-one updates: a residual and m r multiplications an iteration,
+//! superlinearly convergent. Where that contracts poorly it falls back to
+//! Newton's method in the same normal space.
 
 use crate::{
     error::ManifoldError,
@@ -29,7 +29,10 @@ const POOR_CONTRACTION: f64 = 0.7;
 pub struct Workspace {
     pub(crate) qr: PivotedQr,
     residual: Vec<f64>,
-    reduced: Vec<f64>,
+    /// Steps of the current projection, one after the other.
+    steps: Vec<f64>,
+    /// Their squared lengths.
+    lengths: Vec<f64>,
     jacobian: Vec<f64>,
     newton: Vec<f64>,
     saved: Vec<f64>,
@@ -60,8 +63,9 @@ pub struct Chart {
     dimension: usize,
     /// Independent equations.
     rows: Vec<u32>,
-    /// R of the transposed independent rows, packed by columns.
-    triangle: Vec<f64>,
+    /// B, the pseudo-inverse of the independent rows at the centre, one column
+    /// of m values for each of them.
+    pseudo_inverse: Vec<f64>,
     /// Jacobian at the centre, in the order of the manifold's pattern.
     jacobian: Vec<f64>,
 }
@@ -102,15 +106,15 @@ impl Chart {
                 basis_by_variable[i * dimension + j] = v;
             }
         }
-        let mut triangle = Vec::with_capacity(rank * (rank + 1) / 2);
-        qr.write_triangle(&mut triangle);
+        let mut pseudo_inverse = Vec::with_capacity(m * rank);
+        qr.write_pseudo_inverse(pattern, &jacobian, &mut pseudo_inverse);
         Ok(Self {
             center: center.to_vec(),
             basis,
             basis_by_variable,
             dimension,
             rows: qr.independent_rows().iter().map(|&r| r as u32).collect(),
-            triangle,
+            pseudo_inverse,
             jacobian,
         })
     }
@@ -186,6 +190,8 @@ impl Chart {
         work.residual.resize(manifold.equation_count(), 0.0);
         work.saved.clear();
         work.saved.extend_from_slice(x);
+        work.steps.clear();
+        work.lengths.clear();
         let mut previous = f64::INFINITY;
         let mut poor = 0;
         loop {
@@ -214,53 +220,53 @@ impl Chart {
                 }
             }
             previous = size;
-            self.chord_step(manifold, x, work);
+            if !self.chord_step(x, work) {
+                break;
+            }
         }
         x.copy_from_slice(&work.saved);
         self.newton(manifold, x, tolerance, work)
     }
 
-    /// x ← x − Jᵀ R⁻¹ R⁻ᵀ F with the factorisation at the centre; F is in the
-    /// workspace.
-    fn chord_step<M: ImplicitManifold + ?Sized>(
-        &self,
-        manifold: &M,
-        x: &mut [f64],
-        work: &mut Workspace,
-    ) {
+    /// One step of Broyden's method from B as approximate inverse (Kelley 1995,
+    /// algorithm `brsol`); F(x) is in the workspace. `false` where the update
+    /// breaks down.
+    fn chord_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
         work.chord_iterations += 1;
-        let y = &mut work.reduced;
-        y.clear();
-        y.extend(self.rows.iter().map(|&r| work.residual[r as usize]));
-        self.solve_triangles(y);
-        let pattern = manifold.jacobian_pattern();
-        for (&row, &y) in self.rows.iter().zip(y.iter()) {
-            let row = row as usize;
-            for (&c, &v) in pattern
-                .row(row)
-                .iter()
-                .zip(&self.jacobian[pattern.row_range(row)])
-            {
-                x[c] -= v * y;
+        let m = x.len();
+        let start = work.steps.len();
+        work.steps.resize(start + m, 0.0);
+        let (before, step) = work.steps.split_at_mut(start);
+        for (pair, columns) in self.rows.chunks(2).zip(self.pseudo_inverse.chunks(2 * m)) {
+            let f = -work.residual[pair[0] as usize];
+            if let Some(&second) = pair.get(1) {
+                let g = -work.residual[second as usize];
+                let (a, b) = columns.split_at(m);
+                for ((s, a), b) in step.iter_mut().zip(a).zip(b) {
+                    *s += f * a + g * b;
+                }
+            } else {
+                axpy(f, columns, step);
             }
         }
-    }
-
-    /// y ← R⁻¹ R⁻ᵀ y.
-    fn solve_triangles(&self, y: &mut [f64]) {
-        let mut start = 0;
-        for j in 0..y.len() {
-            let column = &self.triangle[start..start + j + 1];
-            y[j] = (y[j] - dot(&column[..j], &y[..j])) / column[j];
-            start += j + 1;
+        let count = work.lengths.len();
+        if count > 0 {
+            for j in 0..count - 1 {
+                let (s, next) = before[j * m..].split_at(m);
+                axpy(dot(s, step) / work.lengths[j], &next[..m], step);
+            }
+            let last = &before[(count - 1) * m..];
+            let scale = 1.0 - dot(last, step) / work.lengths[count - 1];
+            if scale.abs() < 0.1 {
+                return false;
+            }
+            step.iter_mut().for_each(|s| *s /= scale);
         }
-        for j in (0..y.len()).rev() {
-            start -= j + 1;
-            let column = &self.triangle[start..start + j + 1];
-            y[j] /= column[j];
-            let (head, tail) = y.split_at_mut(j);
-            axpy(-tail[0], &column[..j], head);
+        work.lengths.push(dot(step, step));
+        for (x, s) in x.iter_mut().zip(step.iter()) {
+            *x += s;
         }
+        true
     }
 
     /// Newton's method for F(x) = 0 in the normal space at the centre: the

@@ -155,10 +155,41 @@ impl PivotedQr {
         &self.permutation[..self.rank]
     }
 
-    /// Appends the upper triangle R, column by column.
-    pub(crate) fn write_triangle(&self, triangle: &mut Vec<f64>) {
-        for j in 0..self.rank {
-            triangle.extend_from_slice(&self.a[j * self.m..j * self.m + j + 1]);
+    /// Appends the pseudo-inverse of the independent rows J_r, column by column
+    /// in the order of the pivots: J_rᵀ (RᵀR)⁻¹, the transposed rows being
+    /// sparse. It need not be exact to the last digit: projections only iterate
+    /// with it.
+    pub(crate) fn write_pseudo_inverse(
+        &self,
+        pattern: &SparsityPattern,
+        values: &[f64],
+        columns: &mut Vec<f64>,
+    ) {
+        let (m, r) = (self.m, self.rank);
+        let mut y = vec![0.0; r];
+        let triangle = |j: usize| &self.a[j * m..j * m + j + 1];
+        for c in 0..r {
+            // y = R⁻¹ R⁻ᵀ e_c; R⁻ᵀ e_c starts at c.
+            y.fill(0.0);
+            y[c] = 1.0 / triangle(c)[c];
+            for j in c + 1..r {
+                let column = triangle(j);
+                y[j] = -dot(&column[c..j], &y[c..j]) / column[j];
+            }
+            for j in (0..r).rev() {
+                let column = triangle(j);
+                y[j] /= column[j];
+                let (head, tail) = y.split_at_mut(j);
+                axpy(-tail[0], &column[..j], head);
+            }
+            let start = columns.len();
+            columns.resize(start + m, 0.0);
+            let column = &mut columns[start..];
+            for (&row, &y) in self.permutation[..r].iter().zip(&y) {
+                for (&i, &v) in pattern.row(row).iter().zip(&values[pattern.row_range(row)]) {
+                    column[i] += v * y;
+                }
+            }
         }
     }
 

@@ -34,6 +34,23 @@ impl AffineMap {
         self.offsets[i]
     }
 
+    /// The values of all rows at z. Rows with at most one entry, by far most,
+    /// take no loop.
+    #[inline]
+    pub(super) fn values(&self, z: &[f64], values: &mut [f64]) {
+        for ((value, offset), ends) in values
+            .iter_mut()
+            .zip(&self.offsets)
+            .zip(self.starts.windows(2))
+        {
+            *value = match &self.entries[ends[0]..ends[1]] {
+                [] => *offset,
+                [(j, c)] => offset + c * z[*j],
+                entries => entries.iter().fold(*offset, |sum, &(j, c)| sum + c * z[j]),
+            };
+        }
+    }
+
     /// The value of row i at z.
     #[inline]
     pub(super) fn value(&self, i: usize, z: &[f64]) -> f64 {

@@ -213,10 +213,8 @@ impl NodesManifold {
         let Scratch {
             positions, links, ..
         } = scratch;
-        positions.clear();
-        for node in 0..self.structure.nodes.len() {
-            positions.push([0, 1, 2].map(|axis| self.coordinates.value(3 * node + axis, x)));
-        }
+        positions.resize(self.structure.nodes.len(), [0.0; 3]);
+        self.coordinates.values(x, positions.as_flattened_mut());
         links.clear();
         for (i, link) in self.links.iter().enumerate() {
             let [a, b] = link.nodes;
