@@ -167,9 +167,21 @@ struct Inequality {
     elastic: bool,
 }
 
+/// A solver with the structure that it was made for: as long as that does not change, new numbers
+/// can be put in without analysing the structure again.
+struct LastSolve {
+    solver: DefaultSolver<f64>,
+    equalities: Vec<usize>,
+    inequalities: Vec<Inequality>,
+    hessian_starts: Vec<usize>,
+    hessian_rows: Vec<usize>,
+    aim: Aim,
+    tolerance: f64,
+}
+
 /// The subproblems as Clarabel's cone programmes.
-#[derive(Debug)]
 struct InteriorPoint {
+    last: Option<LastSolve>,
     /// Upper triangle of the Hessian with everything added that convexifies it.
     hessian: CscMatrix<f64>,
     equalities: Vec<usize>,
@@ -182,9 +194,16 @@ struct InteriorPoint {
     solves: usize,
 }
 
+impl std::fmt::Debug for InteriorPoint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("InteriorPoint").finish_non_exhaustive()
+    }
+}
+
 impl Default for InteriorPoint {
     fn default() -> Self {
         Self {
+            last: None,
             hessian: CscMatrix::zeros((0, 0)),
             equalities: Vec::new(),
             inequalities: Vec::new(),
@@ -202,6 +221,7 @@ impl Backend for InteriorPoint {
     fn set_up(&mut self, model: &LocalModel, _warm: bool) {
         self.solves = 0;
         self.tolerance = COARSE_TOLERANCE;
+        self.last = None;
         self.was_active.clear();
         self.was_active.resize(model.num_rows(), false);
     }
@@ -334,6 +354,40 @@ impl InteriorPoint {
             Ok(factors) => factors.D.iter().all(|&pivot| pivot > 1e-14 * size),
             Err(_) => false,
         }
+    }
+
+    /// Clarabel's settings; further attempts are more careful.
+    fn settings(&self, attempt: usize) -> DefaultSettings<f64> {
+        DefaultSettings {
+            verbose: false,
+            // Data can be updated only if the structure is left as it is.
+            presolve_enable: false,
+            max_threads: 1,
+            tol_gap_abs: self.tolerance,
+            tol_gap_rel: self.tolerance,
+            tol_feas: self.tolerance.max(1e-12),
+            reduced_tol_gap_abs: 1e2 * COARSE_TOLERANCE,
+            reduced_tol_gap_rel: 1e2 * COARSE_TOLERANCE,
+            reduced_tol_feas: 1e2 * COARSE_TOLERANCE,
+            equilibrate_enable: attempt == 0,
+            static_regularization_constant: if attempt < 2 { 1e-8 } else { 1e-7 },
+            ..DefaultSettings::default()
+        }
+    }
+
+    fn structure_is_that_of_last_solve(
+        &self,
+        hessian: &CscMatrix<f64>,
+        subproblem: &Subproblem<'_>,
+    ) -> bool {
+        self.last.as_ref().is_some_and(|last| {
+            last.aim == subproblem.aim
+                && last.tolerance == self.tolerance
+                && last.equalities == self.equalities
+                && last.inequalities == self.inequalities
+                && last.hessian_starts == hessian.colptr
+                && last.hessian_rows == hessian.rowval
+        })
     }
 
     /// Sorts the rows into equalities, inequalities that may become active, those left out for
@@ -483,27 +537,33 @@ impl InteriorPoint {
         ];
 
         for attempt in 0..3 {
-            let mut settings = DefaultSettings::<f64> {
-                verbose: false,
-                presolve_enable: false,
-                max_threads: 1,
-                tol_gap_abs: self.tolerance,
-                tol_gap_rel: self.tolerance,
-                tol_feas: self.tolerance.max(1e-12),
-                reduced_tol_gap_abs: 1e2 * COARSE_TOLERANCE,
-                reduced_tol_gap_rel: 1e2 * COARSE_TOLERANCE,
-                reduced_tol_feas: 1e2 * COARSE_TOLERANCE,
-                ..DefaultSettings::default()
-            };
-            match attempt {
-                0 => {}
-                1 => settings.equilibrate_enable = false,
-                _ => settings.static_regularization_constant = 1e-7,
-            }
             self.solves += 1;
-            let Ok(mut solver) =
-                DefaultSolver::new(&hessian, &gradient, &matrix, &right, &cones, settings)
-            else {
+            let reusable =
+                attempt == 0 && self.structure_is_that_of_last_solve(&hessian, subproblem);
+            let reused = reusable
+                && self.last.as_mut().is_some_and(|last| {
+                    last.solver
+                        .update_data(&hessian, &gradient, &matrix, &right)
+                        .is_ok()
+                });
+            if !reused {
+                let settings = self.settings(attempt);
+                let Ok(solver) =
+                    DefaultSolver::new(&hessian, &gradient, &matrix, &right, &cones, settings)
+                else {
+                    return false;
+                };
+                self.last = Some(LastSolve {
+                    solver,
+                    equalities: self.equalities.clone(),
+                    inequalities: self.inequalities.clone(),
+                    hessian_starts: hessian.colptr.clone(),
+                    hessian_rows: hessian.rowval.clone(),
+                    aim: subproblem.aim,
+                    tolerance: self.tolerance,
+                });
+            }
+            let Some(LastSolve { solver, .. }) = &mut self.last else {
                 return false;
             };
             solver.solve();
@@ -513,6 +573,7 @@ impl InteriorPoint {
                 SolverStatus::Solved | SolverStatus::AlmostSolved
             );
             if !usable {
+                self.last = None;
                 continue;
             }
             step.copy_from_slice(&solution.x[..n]);
