@@ -59,7 +59,8 @@ pub enum Check {
     /// The largest force of any element. Reported, not judged.
     LargestForce,
     /// The smallest eigenvalue of the tangent stiffness on admissible motions, in force per
-    /// length: negative where the equilibrium is not stable. Reported, not judged.
+    /// length: negative where the equilibrium is not stable. Reported, not judged; of structures
+    /// with more than a hundred coordinates at both ends of the path only.
     Stability,
 }
 

@@ -17,6 +17,9 @@ use crate::statics::axis;
 /// A constraint shorter than this after orthogonalisation depends on the others.
 const DEPENDENT: f64 = 1e-9;
 
+/// Most coordinates of a structure for which eigenvalues count as cheap: a millisecond or two.
+const CHEAP: usize = 100;
+
 pub(crate) struct Stability<'a> {
     structure: &'a Structure,
     /// Orthonormal directions in which no admissible displacement goes.
@@ -34,6 +37,10 @@ impl<'a> Stability<'a> {
             row: DVector::zeros(n),
             stiffness: DMatrix::zeros(n, n),
         }
+    }
+
+    pub(crate) fn is_cheap(&self) -> bool {
+        self.row.len() <= CHEAP
     }
 
     /// The smallest eigenvalue of the tangent stiffness on admissible displacements, in force per

@@ -42,8 +42,11 @@ pub(crate) fn force_scale(structure: &Structure, configuration: &Configuration) 
     if scale > 0.0 { scale } else { 1.0 }
 }
 
-/// How far a value lies outside a range, 0 inside.
+/// How far a value lies outside a range, 0 inside. A constant is an equation, not a range.
 fn excess(range: &Interval, value: f64) -> f64 {
+    if range.is_constant() {
+        return 0.0;
+    }
     (-range.margin(value)).max(0.0)
 }
 
