@@ -62,7 +62,9 @@ impl Step {
             }
             Self::Test => run_cargo(&["test", "--workspace"], &[]),
             Self::Doc => {
-                let arguments = ["doc", "--workspace", "--no-deps"];
+                // Libraries only: the page of the program `tensegra` would take
+                // the place of the library's.
+                let arguments = ["doc", "--workspace", "--no-deps", "--lib"];
                 run_cargo(&arguments, &[("RUSTDOCFLAGS", "-D warnings")])
             }
             Self::Bench => {
