@@ -49,3 +49,8 @@ mod greedy;
 pub use greedy::{
     GreedyError, GreedyObjective, GreedyOptions, GreedyPlanner, GreedyStop, GreedyWalk, Persistence,
 };
+
+mod obstacle;
+mod route;
+
+pub use obstacle::{Obstacle, ObstacleError};

@@ -4,18 +4,26 @@
 //! Source: Usevitch et al., section IV. Three things go beyond the paper. A step that would carry
 //! the centre of mass over a side ends exactly above it, so that the robot is balanced at every
 //! configuration before it rolls. A step without solution is tried again at smaller sizes. And a
-//! robot that is stuck takes up a better posture above the same point (nominal lengths), then
-//! tries other directions for a while ([`Persistence::Recover`]).
+//! robot that is stuck goes back a few rolls, takes up a better posture (nominal lengths) and
+//! tries another direction for a while ([`Persistence::Recover`]); what it goes back over is not
+//! part of the walk.
+//!
+//! Obstacles are met twice: a route for the centre of mass leads around them, and in each step
+//! the nodes stay on this side of a line that separates them from the obstacle.
 
 mod step;
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Point2, Rotation3, Vector3};
 use tensegra_optim::{DenseSqp, SqpOptions, SqpStatus};
 use thiserror::Error;
 
 use crate::limits::setters;
-use crate::{Constraint, Robot, Stance, Support, SupportError, SupportedMotion};
-use step::{StepProblem, StepRow};
+use crate::obstacle::plan_view;
+use crate::route::route_around;
+use crate::{
+    Constraint, Dimension, Obstacle, Robot, Stance, Support, SupportError, SupportedMotion,
+};
+use step::{HalfPlane, StepProblem, StepRow};
 
 /// What a greedy step minimises.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +41,8 @@ pub enum Persistence {
     Stop,
     /// Tries smaller steps, then stops.
     Shrink,
-    /// Tries smaller steps, then a better posture, then other directions, then stops.
+    /// Tries smaller steps, then goes back over some rolls, takes up a better posture and tries
+    /// other directions, then stops.
     Recover,
 }
 
@@ -63,6 +72,11 @@ pub struct GreedyOptions {
     pub max_configurations: usize,
     /// What to do when a step has no solution. Default [`Persistence::Recover`].
     pub persistence: Persistence,
+    /// Attempts to recover without progress after which the planner stops. Default 60.
+    pub patience: usize,
+    /// Distance that nodes keep from obstacles, seen from above. Default: half the least distance
+    /// between members, their radius.
+    pub obstacle_clearance: Option<f64>,
 }
 
 impl Default for GreedyOptions {
@@ -73,6 +87,8 @@ impl Default for GreedyOptions {
             waypoint_tolerance: 0.05,
             max_configurations: 20_000,
             persistence: Persistence::Recover,
+            patience: 60,
+            obstacle_clearance: None,
         }
     }
 }
@@ -84,6 +100,8 @@ impl GreedyOptions {
         waypoint_tolerance / with_waypoint_tolerance: f64;
         max_configurations / with_max_configurations: usize;
         persistence / with_persistence: Persistence;
+        patience / with_patience: usize;
+        obstacle_clearance / with_obstacle_clearance: Option<f64>;
     }
 
     /// Checks every option against its range.
@@ -103,7 +121,11 @@ impl GreedyOptions {
         if let GreedyObjective::NominalLengths(length) = self.objective {
             positive("nominal length", length)?;
         }
-        positive("max_configurations", self.max_configurations as f64)
+        positive("max_configurations", self.max_configurations as f64)?;
+        match self.obstacle_clearance {
+            Some(clearance) => positive("obstacle_clearance", clearance),
+            None => Ok(()),
+        }
     }
 }
 
@@ -142,6 +164,29 @@ pub enum GreedyError {
         /// Second coordinate.
         y: f64,
     },
+    /// A waypoint lies inside an obstacle, or too close to it.
+    #[error(
+        "waypoint {index} lies inside obstacle {obstacle} or within {clearance} of it: move one of them"
+    )]
+    WaypointInObstacle {
+        /// Index of the waypoint.
+        index: usize,
+        /// Index of the obstacle.
+        obstacle: usize,
+        /// Distance that the robot keeps from obstacles.
+        clearance: f64,
+    },
+    /// The robot starts inside an obstacle, or too close to it.
+    #[error("the robot starts within {clearance} of obstacle {obstacle}: move one of them")]
+    StartInObstacle {
+        /// Index of the obstacle.
+        obstacle: usize,
+        /// Distance that the robot keeps from obstacles.
+        clearance: f64,
+    },
+    /// Obstacles are outlines on the ground, which the plane does not have.
+    #[error("obstacles need a robot in space")]
+    PlanarObstacles,
 }
 
 /// Why a greedy walk ended.
@@ -157,8 +202,13 @@ pub enum GreedyStop {
         /// Constraints that stand in the way of the last step tried.
         active: Vec<Constraint>,
     },
-    /// A roll that nothing stops: no node lies beyond the side.
+    /// A roll that cannot be made: no node lies beyond the side, or an obstacle does.
     CannotRoll {
+        /// The waypoint.
+        waypoint: usize,
+    },
+    /// No way around the obstacles is wide enough for the robot.
+    NoRoute {
         /// The waypoint.
         waypoint: usize,
     },
@@ -188,6 +238,8 @@ pub struct GreedyWalk {
 
 /// Fractions of the step that are tried in turn.
 const SHRINKING: [f64; 4] = [1.0, 0.4, 0.1, 0.02];
+/// Those tried by a planner that can do better than creep on.
+const SHRINKING_BEFORE_RECOVERY: usize = 3;
 /// Constraints hold to this tolerance at every configuration.
 const TOLERANCE: f64 = 1e-8;
 /// Between configurations, lengths and angles may fall below their limits by this fraction.
@@ -195,11 +247,21 @@ const BETWEEN: f64 = 0.009;
 /// Rolls after one another without a step between them.
 const MAX_ROLLS: usize = 12;
 
+/// Most steps towards a better posture.
+const POSTURE_STEPS: usize = 60;
+/// Directions tried by a robot that is stuck, relative to that of its goal, in radians.
+const DETOUR_ANGLES: [f64; 7] = [0.0, 0.7, -0.7, 1.4, -1.4, 2.1, -2.1];
+/// Most steps in such a direction.
+const DETOUR_STEPS: usize = 150;
+/// A detour is this many times the robot's size, times one, two or three.
+const DETOUR_LENGTH: f64 = 0.3;
+
 /// Plans greedy walks of one robot.
 #[derive(Debug)]
 pub struct GreedyPlanner<'a> {
     robot: &'a Robot,
     options: GreedyOptions,
+    obstacles: &'a [Obstacle],
     problem: StepProblem<'a>,
     solver: DenseSqp,
     x: Vec<f64>,
@@ -213,12 +275,43 @@ struct State {
     coordinates: Vec<f64>,
     support: Support,
     motion: SupportedMotion,
+    /// Configuration at which each waypoint was reached.
+    arrivals: Vec<usize>,
     recoveries: usize,
 }
 
 impl State {
+    fn new(start: &Stance) -> Self {
+        Self {
+            coordinates: start.coordinates.clone(),
+            support: start.support.clone(),
+            motion: SupportedMotion {
+                configurations: vec![start.coordinates.clone()],
+                supports: vec![start.support.clone()],
+                rolls: Vec::new(),
+            },
+            arrivals: Vec::new(),
+            recoveries: 0,
+        }
+    }
+
     fn push(&mut self) {
         self.motion.configurations.push(self.coordinates.clone());
+    }
+
+    /// Goes back to the configuration after the last roll but `rolls`.
+    fn rewind(&mut self, rolls: usize) {
+        let kept = self.motion.rolls.len().saturating_sub(rolls);
+        let last = kept
+            .checked_sub(1)
+            .map_or(0, |roll| self.motion.rolls[roll] + 1);
+        self.motion.rolls.truncate(kept);
+        self.motion.supports.truncate(kept + 1);
+        self.motion.configurations.truncate(last + 1);
+        self.coordinates
+            .copy_from_slice(&self.motion.configurations[last]);
+        self.support = self.motion.supports[kept].clone();
+        self.arrivals.retain(|&arrival| arrival <= last);
     }
 }
 
@@ -245,6 +338,7 @@ impl<'a> GreedyPlanner<'a> {
         Ok(Self {
             robot,
             options,
+            obstacles: &[],
             problem: StepProblem::new(robot),
             solver,
             x: Vec::new(),
@@ -254,17 +348,20 @@ impl<'a> GreedyPlanner<'a> {
         })
     }
 
-    /// Walks from `start` to the waypoints one after another. In the plane the second coordinate
-    /// of a waypoint is ignored.
-    ///
-    /// # Errors
-    /// A start that does not stand or violates a limit, or a waypoint that is not finite. That a
-    /// waypoint could not be reached is not an error: see [`GreedyWalk::stop`].
-    pub fn walk(
-        &mut self,
-        start: &Stance,
-        waypoints: &[[f64; 2]],
-    ) -> Result<GreedyWalk, GreedyError> {
+    /// Sets the obstacles to keep clear of.
+    #[must_use]
+    pub fn with_obstacles(mut self, obstacles: &'a [Obstacle]) -> Self {
+        self.obstacles = obstacles;
+        self
+    }
+
+    fn clearance(&self) -> f64 {
+        self.options
+            .obstacle_clearance
+            .unwrap_or(0.5 * self.robot.limits().min_distance)
+    }
+
+    fn check_input(&self, start: &Stance, waypoints: &[[f64; 2]]) -> Result<(), GreedyError> {
         let robot = self.robot;
         start.support.validate(robot, &start.coordinates, 1e-6)?;
         let violations = robot.violations(&start.coordinates, 1e-6);
@@ -274,97 +371,162 @@ impl<'a> GreedyPlanner<'a> {
                 violation,
             });
         }
+        if robot.dimension() == Dimension::Two && !self.obstacles.is_empty() {
+            return Err(GreedyError::PlanarObstacles);
+        }
+        let clearance = self.clearance();
+        let near = |points: &[Point2<f64>]| {
+            self.obstacles
+                .iter()
+                .position(|o| !(o.gap(points).distance > clearance))
+        };
+        if let Some(obstacle) = near(&plan_view(robot, &start.coordinates)) {
+            return Err(GreedyError::StartInObstacle {
+                obstacle,
+                clearance,
+            });
+        }
         for (index, &[x, y]) in waypoints.iter().enumerate() {
             if !x.is_finite() || !y.is_finite() {
                 return Err(GreedyError::Waypoint { index, x, y });
             }
-        }
-        self.optimisations = 0;
-        self.iterations = 0;
-        let mut state = State {
-            coordinates: start.coordinates.clone(),
-            support: start.support.clone(),
-            motion: SupportedMotion {
-                configurations: vec![start.coordinates.clone()],
-                supports: vec![start.support.clone()],
-                rolls: Vec::new(),
-            },
-            recoveries: 0,
-        };
-        let mut reached = 0;
-        let mut stop = GreedyStop::Arrived;
-        for (index, &[x, y]) in waypoints.iter().enumerate() {
-            match self.walk_to(&mut state, index, Vector3::new(x, y, 0.0)) {
-                None => reached += 1,
-                Some(reason) => {
-                    stop = reason;
-                    break;
-                }
+            if let Some(obstacle) = near(&[Point2::new(x, y)]) {
+                return Err(GreedyError::WaypointInObstacle {
+                    index,
+                    obstacle,
+                    clearance,
+                });
             }
         }
+        Ok(())
+    }
+
+    /// Walks from `start` to the waypoints one after another. In the plane the second coordinate
+    /// of a waypoint is ignored.
+    ///
+    /// # Errors
+    /// A start that does not stand, violates a limit or touches an obstacle; a waypoint that is
+    /// not finite or lies in an obstacle. That a waypoint could not be reached is not an error:
+    /// see [`GreedyWalk::stop`].
+    pub fn walk(
+        &mut self,
+        start: &Stance,
+        waypoints: &[[f64; 2]],
+    ) -> Result<GreedyWalk, GreedyError> {
+        self.check_input(start, waypoints)?;
+        self.optimisations = 0;
+        self.iterations = 0;
+        let mut state = State::new(start);
+        let stop = self.walk_through(&mut state, waypoints);
         Ok(GreedyWalk {
             motion: state.motion,
             stop,
-            reached,
+            reached: state.arrivals.len(),
             optimisations: self.optimisations,
             iterations: self.iterations,
             recoveries: state.recoveries,
         })
     }
 
-    /// Walks to one waypoint; None when it is reached.
-    fn walk_to(
-        &mut self,
-        state: &mut State,
-        waypoint: usize,
-        goal: Vector3<f64>,
-    ) -> Option<GreedyStop> {
+    fn walk_through(&mut self, state: &mut State, waypoints: &[[f64; 2]]) -> GreedyStop {
         let mut troubles = 0;
-        let mut best = f64::INFINITY;
+        // The farthest that the walk has come: waypoints reached, distance to the next.
+        let mut best = (0, f64::INFINITY);
+        let mut route: Vec<Point2<f64>> = Vec::new();
         loop {
+            let waypoint = state.arrivals.len();
+            let Some(&[x, y]) = waypoints.get(waypoint) else {
+                return GreedyStop::Arrived;
+            };
+            if state.motion.configurations.len() >= self.options.max_configurations {
+                return GreedyStop::TooLong { waypoint };
+            }
+            let goal = Point2::new(x, y);
             let distance = self.offset(state, &goal).norm();
             if distance <= self.options.waypoint_tolerance {
-                return None;
-            }
-            if state.motion.configurations.len() >= self.options.max_configurations {
-                return Some(GreedyStop::TooLong { waypoint });
+                state.arrivals.push(state.motion.configurations.len() - 1);
+                route.clear();
+                continue;
             }
             // Real progress earns back patience.
-            if distance < best - 0.5 {
-                best = distance;
+            if waypoint > best.0 || (waypoint == best.0 && distance < best.1 - 0.5) {
+                best = (waypoint, distance);
                 troubles = 0;
             }
-            match self.advance(state, &goal) {
-                Advance::Moved => {}
-                Advance::CannotRoll => return Some(GreedyStop::CannotRoll { waypoint }),
-                Advance::Blocked(active) => {
-                    if self.options.persistence != Persistence::Recover
-                        || !self.recover(state, &goal, troubles)
-                    {
-                        return Some(GreedyStop::Stuck { waypoint, active });
-                    }
-                    state.recoveries += 1;
-                    troubles += 1;
-                }
+            if route.last() != Some(&goal) {
+                let Some(found) = self.route(state, goal) else {
+                    return GreedyStop::NoRoute { waypoint };
+                };
+                route = found;
             }
+            let near = |p: &Point2<f64>| self.offset(state, p).norm() <= 0.2 * self.size(state);
+            if route.len() > 1 && near(&route[0]) {
+                route.remove(0);
+            }
+            let outcome = self.advance(state, &route[0], self.options.objective);
+            if matches!(outcome, Advance::Moved) {
+                continue;
+            }
+            if self.options.persistence == Persistence::Recover && troubles < self.options.patience
+            {
+                self.recover(state, &goal, troubles);
+                route.clear();
+                state.recoveries += 1;
+                troubles += 1;
+                continue;
+            }
+            return match outcome {
+                Advance::Blocked(active) => GreedyStop::Stuck { waypoint, active },
+                _ => GreedyStop::CannotRoll { waypoint },
+            };
         }
+    }
+
+    /// Horizontal reach of the robot around its centre of mass.
+    fn size(&self, state: &State) -> f64 {
+        let centre = self.robot.centre_of_mass(&state.coordinates).xy();
+        let points = plan_view(self.robot, &state.coordinates);
+        points
+            .iter()
+            .map(|p| (p.coords - centre).norm())
+            .fold(0.0, f64::max)
+    }
+
+    /// A route around the obstacles, as wide as can be found.
+    fn route(&self, state: &State, goal: Point2<f64>) -> Option<Vec<Point2<f64>>> {
+        if self.obstacles.is_empty() {
+            return Some(vec![goal]);
+        }
+        let start: Point2<f64> = self.robot.centre_of_mass(&state.coordinates).xy().into();
+        let size = self.size(state);
+        // The last part of the way may have to be narrower than the robot would like.
+        [1.2, 0.9, 0.6, 0.3, 0.0].iter().find_map(|width| {
+            let clearance = self.clearance() + width * size;
+            route_around(start, goal, self.obstacles, clearance, 0.25 * size)
+        })
     }
 
     /// Horizontal vector from the centre of mass to a goal.
-    fn offset(&self, state: &State, goal: &Vector3<f64>) -> Vector3<f64> {
-        let mut offset = goal - self.robot.centre_of_mass(&state.coordinates);
-        offset.z = 0.0;
-        if self.robot.dimension() == crate::Dimension::Two {
-            offset.y = 0.0;
-        }
-        offset
+    fn offset(&self, state: &State, goal: &Point2<f64>) -> Vector3<f64> {
+        let centre = self.robot.centre_of_mass(&state.coordinates);
+        let along = match self.robot.dimension() {
+            Dimension::Two => 0.0,
+            Dimension::Three => goal.y - centre.y,
+        };
+        Vector3::new(goal.x - centre.x, along, 0.0)
     }
 
     /// One step towards a goal, shrunk if necessary, and the rolls that follow from it.
-    fn advance(&mut self, state: &mut State, goal: &Vector3<f64>) -> Advance {
+    fn advance(
+        &mut self,
+        state: &mut State,
+        goal: &Point2<f64>,
+        objective: GreedyObjective,
+    ) -> Advance {
         let factors: &[f64] = match self.options.persistence {
             Persistence::Stop => &SHRINKING[..1],
-            Persistence::Shrink | Persistence::Recover => &SHRINKING,
+            Persistence::Shrink => &SHRINKING,
+            Persistence::Recover => &SHRINKING[..SHRINKING_BEFORE_RECOVERY],
         };
         let centre = self.robot.centre_of_mass(&state.coordinates);
         let offset = self.offset(state, goal);
@@ -379,7 +541,7 @@ impl<'a> GreedyPlanner<'a> {
             {
                 return self.roll(state, side);
             }
-            match self.solve(state, centre + step * fraction, self.options.objective) {
+            match self.solve(state, centre + step * fraction, objective) {
                 Ok(()) => {
                     state.push();
                     return match tips {
@@ -417,29 +579,72 @@ impl<'a> GreedyPlanner<'a> {
         result
     }
 
-    /// Rolls over a side, and on while the centre of mass is outside the new support.
+    /// Rolls over a side, and on while the centre of mass is outside the new support. Nothing
+    /// moves when one of these rolls cannot be made.
     fn roll(&mut self, state: &mut State, side: usize) -> Advance {
         let mut side = side;
+        let mut made: Vec<(Vec<f64>, Support)> = Vec::new();
         for _ in 0..MAX_ROLLS {
-            let before = state.motion.configurations.len() - 1;
-            let Some(roll) = state.support.roll(self.robot, &mut state.coordinates, side) else {
+            let (before, support) = made
+                .last()
+                .map_or((&state.coordinates, &state.support), |(x, support)| {
+                    (x, support)
+                });
+            let mut after = before.clone();
+            let Some(roll) = support.roll(self.robot, &mut after, side) else {
                 return Advance::CannotRoll;
             };
-            state.support = roll.support;
-            state.push();
-            state.motion.rolls.push(before);
-            state.motion.supports.push(state.support.clone());
-            let centre = self.robot.centre_of_mass(&state.coordinates);
+            // Seen from above, every node stays between its places before and after the roll.
+            let mut swept = plan_view(self.robot, before);
+            swept.extend(plan_view(self.robot, &after));
+            let clearance = self.clearance();
+            if self
+                .obstacles
+                .iter()
+                .any(|o| !(o.gap(&swept).distance > clearance))
+            {
+                return Advance::CannotRoll;
+            }
+            let centre = self.robot.centre_of_mass(&after);
             let (next, outside) =
-                state
-                    .support
-                    .outermost_side(self.robot.dimension(), &state.coordinates, &centre);
+                roll.support
+                    .outermost_side(self.robot.dimension(), &after, &centre);
+            made.push((after, roll.support));
             if outside <= 1e-9 {
+                for (after, support) in made {
+                    state
+                        .motion
+                        .rolls
+                        .push(state.motion.configurations.len() - 1);
+                    state.motion.supports.push(support.clone());
+                    state.coordinates = after;
+                    state.support = support;
+                    state.push();
+                }
                 return Advance::Moved;
             }
             side = next;
         }
         Advance::CannotRoll
+    }
+
+    /// Lines that separate the robot from the obstacles within reach of a step.
+    fn walls(&self, state: &State) -> Vec<HalfPlane> {
+        if self.obstacles.is_empty() {
+            return Vec::new();
+        }
+        let points = plan_view(self.robot, &state.coordinates);
+        let clearance = self.clearance();
+        self.obstacles
+            .iter()
+            .map(|obstacle| obstacle.gap(&points))
+            .filter(|gap| gap.distance < clearance + self.robot.limits().max_move)
+            .map(|gap| HalfPlane {
+                normal: Vector3::new(gap.normal.x, gap.normal.y, 0.0),
+                // Rounding must not put the robot beyond a line that it touches.
+                offset: gap.offset - clearance.min(gap.distance),
+            })
+            .collect()
     }
 
     /// Solves one step and moves the state there; the constraints in the way if there is no
@@ -523,63 +728,49 @@ impl<'a> GreedyPlanner<'a> {
         })
     }
 
-    /// Tries to get out of a configuration from which no step leads on; false when nothing helps.
-    fn recover(&mut self, state: &mut State, goal: &Vector3<f64>, troubles: usize) -> bool {
-        const POSTURE_STEPS: usize = 60;
-        const DETOUR_ANGLES: [f64; 7] = [0.6, -0.6, 1.2, -1.2, 1.8, -1.8, 2.6];
-        let nominal = match self.options.objective {
+    /// Gets out of a configuration from which no step leads on: goes back over some rolls, takes
+    /// up a better posture there and walks another way for a while. `troubles` counts the
+    /// attempts, which differ from each other and go back farther and farther.
+    fn recover(&mut self, state: &mut State, goal: &Point2<f64>, troubles: usize) {
+        if troubles > 0 {
+            state.rewind(troubles.div_ceil(DETOUR_ANGLES.len()) - 1);
+        }
+        let nominal = GreedyObjective::NominalLengths(match self.options.objective {
             GreedyObjective::NominalLengths(length) => length,
             GreedyObjective::LeastMotion => {
                 let lengths = self.robot.lengths(&state.motion.configurations[0]);
                 lengths.iter().sum::<f64>() / lengths.len() as f64
             }
-        };
-        // A better posture above the same point.
+        });
         let centre = self.robot.centre_of_mass(&state.coordinates);
-        let mut moved = false;
         for _ in 0..POSTURE_STEPS {
-            let before = state.coordinates.clone();
-            if self
-                .solve(state, centre, GreedyObjective::NominalLengths(nominal))
-                .is_err()
-            {
+            if self.solve(state, centre, nominal).is_err() {
                 break;
             }
+            let before = &state.motion.configurations[state.motion.configurations.len() - 1];
             let change = before
                 .iter()
                 .zip(&state.coordinates)
                 .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-            if change < 1e-4 {
-                break;
-            }
             state.push();
-            moved = true;
-        }
-        if moved && troubles == 0 {
-            return true;
-        }
-        // Another direction for a while, farther the more often nothing else helped.
-        let Some(angle) = DETOUR_ANGLES.get(troubles % DETOUR_ANGLES.len()) else {
-            return false;
-        };
-        if troubles >= 3 * DETOUR_ANGLES.len() {
-            return false;
-        }
-        let length = 0.5 * (1 + troubles / DETOUR_ANGLES.len()) as f64;
-        let direction = Rotation3::from_axis_angle(&Vector3::z_axis(), *angle)
-            * self.offset(state, goal).normalize();
-        let centre = self.robot.centre_of_mass(&state.coordinates);
-        let aside = centre + direction * length;
-        let mut progress = false;
-        for _ in 0..200 {
-            if self.offset(state, &aside).norm() <= self.options.waypoint_tolerance {
+            if change < 0.05 * self.robot.limits().max_move {
                 break;
             }
-            match self.advance(state, &aside) {
-                Advance::Moved => progress = true,
-                Advance::Blocked(_) | Advance::CannotRoll => break,
+        }
+        if troubles == 0 {
+            return;
+        }
+        let angle = DETOUR_ANGLES[troubles % DETOUR_ANGLES.len()];
+        let length = DETOUR_LENGTH * (1 + troubles % 3) as f64 * self.size(state);
+        let towards = Rotation3::from_axis_angle(&Vector3::z_axis(), angle)
+            * self.offset(state, goal).normalize();
+        let aside = Point2::from((centre + towards * length).xy());
+        for _ in 0..DETOUR_STEPS {
+            if self.offset(state, &aside).norm() <= self.options.waypoint_tolerance
+                || !matches!(self.advance(state, &aside, nominal), Advance::Moved)
+            {
+                break;
             }
         }
-        progress || moved || troubles + 1 < 3 * DETOUR_ANGLES.len()
     }
 }
