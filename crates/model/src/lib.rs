@@ -11,6 +11,7 @@ mod builder;
 mod configuration;
 mod declarations;
 mod diagnostic;
+mod effort;
 mod environment;
 mod equilibrium;
 mod files;
@@ -24,6 +25,7 @@ mod validate;
 pub use builder::{ElementSpec, StructureBuilder};
 pub use configuration::{Configuration, Path};
 pub use diagnostic::{Finding, ReadErrors, Severity, SourceFile};
+pub use effort::{EffortError, control_effort, path_length};
 pub use environment::{
     BadShape, Body, CollisionRule, Environment, EnvironmentBuilder, EnvironmentError,
     EnvironmentFlaw, EnvironmentPlace, Obstacle, PairSelection, Role, Shape,

@@ -1,8 +1,10 @@
 //! The equilibrium manifold of a structure, in two formulations.
 
 mod affine;
+mod directions;
 mod nodes;
 
+pub use directions::{DirectionsManifold, EquationCounts};
 pub use nodes::NodesManifold;
 
 use nalgebra::{Point3, Vector3};
@@ -42,5 +44,46 @@ pub enum EquilibriumError {
         what: String,
         /// By how much.
         by: f64,
+    },
+    /// Parts of the structure are connected by no element.
+    #[error("no chain of elements leads from node {first} to node {node}: connect or remove it")]
+    Disconnected {
+        /// Node 0.
+        first: String,
+        /// A node that is not connected to it.
+        node: String,
+    },
+    /// A coupling names an element that lacks what it couples.
+    #[error("element {element} has no {quantity} to couple: drop it from the coupling")]
+    NothingToCouple {
+        /// The element.
+        element: String,
+        /// What is coupled.
+        quantity: &'static str,
+    },
+    /// The ranges of quantities that depend on each other exclude each other.
+    #[error(
+        "no {quantity} suits the ranges of all that is coupled to it: at least {least}, at most \
+         {most}"
+    )]
+    NoAdmissibleValue {
+        /// The quantity.
+        quantity: String,
+        /// The greatest lower end.
+        least: f64,
+        /// The least upper end.
+        most: f64,
+    },
+    /// The conditions determine a quantity outside of its range.
+    #[error("the {quantity} can only be {value}, outside of its range [{lo}, {hi}]")]
+    OutOfRange {
+        /// The quantity.
+        quantity: String,
+        /// Its value.
+        value: f64,
+        /// Lower end of its range.
+        lo: f64,
+        /// Upper end of its range.
+        hi: f64,
     },
 }
