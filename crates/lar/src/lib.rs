@@ -54,3 +54,14 @@ mod obstacle;
 mod route;
 
 pub use obstacle::{Obstacle, ObstacleError};
+
+mod random;
+
+pub use random::{RandomRobotError, random_robot};
+
+mod two_tier;
+
+pub use two_tier::{
+    Cell, GridGoal, GridSearch, PrimitiveLibrary, TriangularGrid, TwoTierError, TwoTierPlanner,
+    TwoTierWalk, search_grid,
+};
