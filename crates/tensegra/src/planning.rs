@@ -4,8 +4,8 @@ use cpu_time::ThreadTime;
 use tensegra_atlas::{ChartDomain, ManifoldError};
 use tensegra_model::{
     Body, BodyError, Configuration, DirectionsManifold, Endpoint, EquilibriumError,
-    EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PathMeasure, PlannerKind,
-    Problem, SamplingRadius, Structure,
+    EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PlannerKind,
+    Problem, SamplingRadius, Structure, control_effort, path_length,
 };
 use tensegra_sampling::{AtlasRrt, Observer, PlanError, PlannerOptions, SampleRadius, Statistics};
 
@@ -45,6 +45,9 @@ pub enum PlanningError {
     /// A body has no valid shape.
     #[error(transparent)]
     Body(#[from] BodyError),
+    /// The control effort of the path found cannot be told.
+    #[error(transparent)]
+    Effort(#[from] tensegra_model::EffortError),
     /// Start or goal is refused.
     #[error(transparent)]
     Endpoint(#[from] EndpointError),
@@ -193,10 +196,9 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
             .map(|x| manifold.configuration(x))
             .collect(),
     };
-    let measure = PathMeasure::new(&problem.structure)?;
     Ok(Plan {
-        path_length: measure.path_length(&path),
-        control_effort: measure.control_effort(&path),
+        path_length: path_length(&problem.structure, &path)?,
+        control_effort: control_effort(&problem.structure, &path)?,
         path,
         planning_seconds: found.statistics.seconds,
         statistics: found.statistics,

@@ -49,25 +49,11 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
 
 fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {
     let contents = read_path_file(file).map_err(Failure::message)?;
-    let problem_file = match problem {
-        Some(problem) => problem.to_path_buf(),
-        None => contents.problem_file(file).map_err(Failure::message)?,
+    let problem = match problem {
+        Some(problem) => read_problem(problem)?,
+        None => contents.read_problem(file).map_err(Failure::message)?,
     };
-    let problem = read_problem(&problem_file)?;
-    let names = problem.structure.nodes.iter().map(|node| &node.name);
-    let elements = problem
-        .structure
-        .elements
-        .iter()
-        .map(|element| &element.name);
-    if !names.eq(&contents.nodes) || !elements.eq(contents.elements.iter().map(|e| &e.id)) {
-        return Err(Failure::Message(format!(
-            "`{}` has other nodes or elements than `{}`: check it against the problem that it was \
-             planned for",
-            file.display(),
-            problem_file.display()
-        )));
-    }
+    contents.check_structure(file, &problem).map_err(Failure::message)?;
     Ok(check_path(
         &problem,
         &contents.path,

@@ -263,7 +263,7 @@ fn write(
             folder.join(format!("{name}.svg")),
             folder.join(format!("{name}.png")),
         );
-        picture.write(&svg).map_err(Failure::message)?;
+        picture.write_svg(&svg).map_err(Failure::message)?;
         picture
             .write_png(&png, PNG_SCALE)
             .map_err(Failure::message)?;
