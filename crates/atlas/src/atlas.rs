@@ -139,7 +139,7 @@ impl Atlas {
         let length = dot(&normal, &normal);
         let near = length < 4.0 * self.domain.radius.powi(2)
             && distance - length <= 4.0 * self.domain.error.powi(2);
-        near.then(|| Cut {
+        near.then_some(Cut {
             offset: 0.5 * length,
             normal,
             neighbour,

@@ -42,7 +42,7 @@ mod restore;
 mod stability;
 mod statics;
 
-use tensegra_model::{Configuration, Path, Problem, Structure};
+use tensegra_model::{Configuration, Element, ElementKind, Path, Problem, Structure};
 
 use bodies::Bodies;
 use motion::Motion;
@@ -133,13 +133,13 @@ fn judge_into(
         }
     }
     let ends = [
-        (Check::Start, &problem.start, 0),
-        (Check::Goal, &problem.goal, last),
+        ([Check::Start, Check::StartForces], &problem.start, 0),
+        ([Check::Goal, Check::GoalForces], &problem.goal, last),
     ];
-    for (check, endpoint, index) in ends.into_iter().filter(|_| with_ends) {
+    for (checks, endpoint, index) in ends.into_iter().filter(|_| with_ends) {
         if let (Some(endpoint), true) = (endpoint, usable[index]) {
             let location = Location::Configuration { index };
-            statics.judge_endpoint(check, endpoint, &configurations[index], location, ledger);
+            statics.judge_endpoint(checks, endpoint, &configurations[index], location, ledger);
         }
     }
     let displacements = displacements(problem, path, &usable, options, size, ledger);
@@ -147,24 +147,25 @@ fn judge_into(
     Motion::new(&statics, &bodies).judge(path, &usable, &displacements, ledger);
 }
 
-/// What lengths are measured against: the longest element of constant length, or else the longest
-/// element of a configuration.
+/// What lengths are measured against: the longest strut, bar or prismatic strut of a configuration,
+/// or else its longest element.
 fn size(structure: &Structure, configuration: &Configuration) -> f64 {
-    let constant = structure
-        .elements
-        .iter()
-        .filter(|element| element.has_constant_length());
-    let longest = constant
-        .map(|element| element.length.lo.abs())
-        .fold(0.0, f64::max);
-    if longest > 0.0 && longest.is_finite() {
-        return longest;
+    let longest = |among: &dyn Fn(&Element) -> bool| {
+        let lengths = structure.elements.iter().zip(&configuration.lengths);
+        lengths
+            .filter(|(element, _)| among(element))
+            .fold(0.0, |most: f64, (_, length)| most.max(length.abs()))
+    };
+    let struts = longest(&|element| {
+        use ElementKind::{Bar, Prismatic, Strut};
+        matches!(element.kind, Strut | Bar | Prismatic)
+    });
+    let any = longest(&|_| true);
+    match (struts > 0.0, any > 0.0) {
+        (true, _) => struts,
+        (false, true) => any,
+        (false, false) => 1.0,
     }
-    let longest = configuration
-        .lengths
-        .iter()
-        .fold(0.0, |most: f64, length| most.max(length.abs()));
-    if longest > 0.0 { longest } else { 1.0 }
 }
 
 /// Judges the steps; returns the largest displacement of a node in each, 0 where it is unknown.

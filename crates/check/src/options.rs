@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Tolerances and limits of the judge.
 ///
 /// Every tolerance is relative: lengths are measured against the size of the structure (its longest
-/// element of constant length, or else its longest element in the first configuration), forces
+/// strut, bar or prismatic strut in the first configuration, or else its longest element), forces
 /// against the largest force or load of the configuration concerned.
 ///
 /// ```
@@ -28,9 +28,12 @@ pub struct CheckOptions {
     /// How far the motion between two samples may leave a range. Default 2e-3: a motion that runs
     /// along a limit leaves it by a term of second order in the step.
     pub range_tolerance_between: f64,
-    /// How far the path may begin and end from the endpoints that the problem states, which are
-    /// only refined onto the equilibrium manifold when a problem is loaded. Default 1e-2.
+    /// How far nodes may begin and end from where the problem states: its endpoints are refined
+    /// onto the equilibrium manifold before planning. Default 1e-2.
     pub endpoint_tolerance: f64,
+    /// How far forces and rest lengths may begin and end from those that the problem states, which
+    /// follow the nodes with the stiffness of the elements. Default 5e-2.
+    pub endpoint_force_tolerance: f64,
     /// Length, over the size of the structure, below which an element has no direction.
     /// Default 1e-6.
     pub min_length: f64,
@@ -54,6 +57,7 @@ impl Default for CheckOptions {
             range_tolerance: 1e-9,
             range_tolerance_between: 2e-3,
             endpoint_tolerance: 1e-2,
+            endpoint_force_tolerance: 5e-2,
             min_length: 1e-6,
             max_displacement: None,
             min_clearance: 0.0,
@@ -93,6 +97,7 @@ impl CheckOptions {
         with_range_tolerance, range_tolerance: f64;
         with_range_tolerance_between, range_tolerance_between: f64;
         with_endpoint_tolerance, endpoint_tolerance: f64;
+        with_endpoint_force_tolerance, endpoint_force_tolerance: f64;
         with_min_length, min_length: f64;
         with_max_displacement, max_displacement: Option<f64>;
         with_min_clearance, min_clearance: f64;
@@ -111,6 +116,7 @@ impl CheckOptions {
             ("range_tolerance", self.range_tolerance),
             ("range_tolerance_between", self.range_tolerance_between),
             ("endpoint_tolerance", self.endpoint_tolerance),
+            ("endpoint_force_tolerance", self.endpoint_force_tolerance),
             ("min_length", self.min_length),
             ("max_displacement", self.max_displacement.unwrap_or(1.0)),
         ];

@@ -40,10 +40,14 @@ pub enum Check {
     Couplings,
     /// Distances between the anchors of an attachment, over the size.
     Attachments,
-    /// Distance of the first configuration from the problem's start, relative.
+    /// Distance of nodes in the first configuration from the problem's start, over the size.
     Start,
-    /// Distance of the last configuration from the problem's goal, relative.
+    /// Distance of forces and rest lengths from those stated for the start, relative.
+    StartForces,
+    /// Distance of nodes in the last configuration from the problem's goal, over the size.
     Goal,
+    /// Distance of forces and rest lengths from those stated for the goal, relative.
+    GoalForces,
     /// Displacement of a node in one step, in units of length.
     Displacement,
     /// Clearance at the samples, in units of length.
@@ -93,7 +97,9 @@ impl Check {
             Self::Couplings => "couplings",
             Self::Attachments => "attachments rigid",
             Self::Start => "distance from start",
+            Self::StartForces => "forces against start",
             Self::Goal => "distance from goal",
+            Self::GoalForces => "forces against goal",
             Self::Displacement => "node displacement a step",
             Self::Clearance => "clearance at samples",
             Self::EquilibriumBetween => "equilibrium between samples",
@@ -569,7 +575,9 @@ const CHECKS: [Check; Check::COUNT] = [
     Check::Couplings,
     Check::Attachments,
     Check::Start,
+    Check::StartForces,
     Check::Goal,
+    Check::GoalForces,
     Check::Displacement,
     Check::Clearance,
     Check::EquilibriumBetween,

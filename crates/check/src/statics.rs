@@ -344,60 +344,53 @@ impl<'a> Statics<'a> {
         }
     }
 
-    /// Judges how far a configuration is from an endpoint that the problem states.
+    /// Judges how far a configuration is from an endpoint that the problem states: nodes, and
+    /// forces and rest lengths where they are stated.
     ///
     /// Where the norm of all forces is prescribed, the stated forces count by their proportions:
     /// an endpoint may have been written down for another pretension.
     pub(crate) fn judge_endpoint(
         &self,
-        check: Check,
+        [nodes, forces]: [Check; 2],
         endpoint: &Endpoint,
         configuration: &Configuration,
         location: Location,
         ledger: &mut Ledger,
     ) {
-        let limit = self.options.endpoint_tolerance;
-        for (index, (stated, actual)) in endpoint
-            .positions
-            .iter()
-            .zip(&configuration.positions)
-            .enumerate()
-        {
+        let positions = endpoint.positions.iter().zip(&configuration.positions);
+        for (index, (stated, actual)) in positions.enumerate() {
             let error = (stated - actual).norm() / self.size;
-            ledger.judge(check, error, limit, location, Subject::Node(index));
+            let limit = self.options.endpoint_tolerance;
+            ledger.judge(nodes, error, limit, location, Subject::Node(index));
         }
-        let rest_lengths = endpoint
-            .rest_lengths
-            .iter()
-            .zip(&configuration.rest_lengths);
-        for (index, (stated, actual)) in rest_lengths.enumerate() {
-            if let (Some(stated), Some(actual)) = (stated, actual) {
-                let error = (stated - actual).abs() / self.size;
-                ledger.judge(check, error, limit, location, Subject::Element(index));
-            }
-        }
-        let pairs = || {
-            endpoint
-                .forces
-                .iter()
-                .zip(&configuration.forces)
-                .enumerate()
-                .filter_map(|(index, (stated, actual))| Some((index, (*stated)?, (*actual)?)))
+
+        let limit = self.options.endpoint_force_tolerance;
+        let both = |stated: &[Option<f64>], actual: &[Option<f64>]| -> Vec<(usize, f64, f64)> {
+            let each = stated.iter().zip(actual).enumerate();
+            each.filter_map(|(index, (stated, actual))| Some((index, (*stated)?, (*actual)?)))
+                .collect()
         };
-        let proportional = self.problem.structure.pretension.is_some();
-        let norm = |values: &mut dyn Iterator<Item = f64>| {
-            let norm = values.map(|value| value * value).sum::<f64>().sqrt();
+        for (index, stated, actual) in both(&endpoint.rest_lengths, &configuration.rest_lengths) {
+            let error = (stated - actual).abs() / self.size;
+            ledger.judge(forces, error, limit, location, Subject::Element(index));
+        }
+        let pairs = both(&endpoint.forces, &configuration.forces);
+        let norm = |value: fn(&(usize, f64, f64)) -> f64| {
+            let norm = pairs
+                .iter()
+                .map(|pair| value(pair).powi(2))
+                .sum::<f64>()
+                .sqrt();
             if norm > 0.0 { norm } else { 1.0 }
         };
-        let actual_norm = norm(&mut pairs().map(|pair| pair.2));
-        let stated_norm = if proportional {
-            norm(&mut pairs().map(|pair| pair.1))
-        } else {
-            actual_norm
+        let actual_norm = norm(|pair| pair.2);
+        let stated_norm = match self.problem.structure.pretension {
+            Some(_) => norm(|pair| pair.1),
+            None => actual_norm,
         };
-        for (index, stated, actual) in pairs() {
+        for &(index, stated, actual) in &pairs {
             let error = (stated / stated_norm - actual / actual_norm).abs();
-            ledger.judge(check, error, limit, location, Subject::Element(index));
+            ledger.judge(forces, error, limit, location, Subject::Element(index));
         }
     }
 }

@@ -437,6 +437,7 @@ fn owned<T: Clone>(followers: &[(&str, T)]) -> Vec<(String, T)> {
 /// The state of [`StructureBuilder::build`].
 #[derive(Default)]
 struct Build {
+    dimension: usize,
     nodes: Vec<Node>,
     node_indices: HashMap<String, usize>,
     /// What has a name: elements and attachments, in words.
@@ -458,15 +459,16 @@ impl Build {
             base_range,
             pretension,
         } = declared;
+        self.dimension = dimension;
         let elements: Vec<Element> = elements
             .into_iter()
             .enumerate()
             .map(|(index, spec)| self.element(index, spec))
             .collect();
         self.connectedness(&elements);
-        let fixed = self.gauge(dimension, base_range.is_some(), &fixed);
+        let fixed = self.gauge(base_range.is_some(), &fixed);
         self.supports(&supports);
-        self.loads(dimension, &loads);
+        self.loads(&loads);
         let couplings = couplings
             .iter()
             .enumerate()
@@ -478,7 +480,7 @@ impl Build {
             .filter_map(|(index, attachment)| self.attachment(index, attachment))
             .collect();
         if let Some(range) = base_range {
-            self.base_range(dimension, range);
+            self.base_range(range);
         }
         let pretension = self.pretension(pretension, &elements);
         Structure {
@@ -775,7 +777,6 @@ impl Build {
 
     fn gauge(
         &mut self,
-        dimension: usize,
         free_flying: bool,
         declared: &[(String, usize, f64)],
     ) -> Vec<FixedCoordinate> {
@@ -796,7 +797,7 @@ impl Build {
                 self.error(place, subject, flaw);
                 continue;
             }
-            if axis >= dimension {
+            if axis >= self.dimension {
                 if value != 0.0 {
                     let quantity = "fixed coordinate z";
                     self.error(
@@ -822,7 +823,7 @@ impl Build {
         }
         if !free_flying {
             // The first node is the origin.
-            for axis in (0..dimension).rev() {
+            for axis in (0..self.dimension).rev() {
                 if !values.contains_key(&(0, axis)) {
                     let origin = FixedCoordinate {
                         node: 0,
@@ -845,7 +846,7 @@ impl Build {
         }
     }
 
-    fn loads(&mut self, dimension: usize, loads: &[(String, Vector3<f64>)]) {
+    fn loads(&mut self, loads: &[(String, Vector3<f64>)]) {
         for (index, (name, force)) in loads.iter().enumerate() {
             let place = Place::Load(index);
             let subject = format!("load at node `{name}`");
@@ -854,7 +855,7 @@ impl Build {
             };
             if let Some(flaw) = force.iter().find_map(|&value| not_finite("load", value)) {
                 self.error(place, subject, flaw);
-            } else if dimension == 2 && force.z != 0.0 {
+            } else if self.dimension == 2 && force.z != 0.0 {
                 let flaw = StructureFlaw::OutOfPlane {
                     quantity: "load along z",
                     value: force.z,
@@ -869,12 +870,12 @@ impl Build {
         }
     }
 
-    fn base_range(&mut self, dimension: usize, range: Vector3<f64>) {
+    fn base_range(&mut self, range: Vector3<f64>) {
         let flaw = range
             .iter()
             .find_map(|&value| bad_size("half range", Interval::constant(value)))
             .or(
-                (dimension == 2 && range.z != 0.0).then_some(StructureFlaw::OutOfPlane {
+                (self.dimension == 2 && range.z != 0.0).then_some(StructureFlaw::OutOfPlane {
                     quantity: "half range along z",
                     value: range.z,
                 }),
@@ -976,7 +977,8 @@ impl Build {
                     let bad = rotation
                         .matrix()
                         .iter()
-                        .find_map(|&entry| not_finite("rotation", entry));
+                        .find_map(|&entry| not_finite("rotation", entry))
+                        .or_else(|| self.tilted(rotation));
                     if let Some(flaw) = bad {
                         self.error(place, &*subject, flaw);
                     } else if let Some(follower) = follower {
@@ -988,6 +990,16 @@ impl Build {
                     followers: rotated,
                 }
             }
+        })
+    }
+
+    /// What is wrong with a rotation that takes directions out of the plane.
+    fn tilted(&self, rotation: &Rotation3<f64>) -> Option<StructureFlaw> {
+        let (x, y) = (rotation[(2, 0)], rotation[(2, 1)]);
+        let value = if x.abs() > y.abs() { x } else { y };
+        (self.dimension == 2 && value.abs() > ROUNDING).then_some(StructureFlaw::OutOfPlane {
+            quantity: "z component of a rotated direction",
+            value,
         })
     }
 

@@ -376,7 +376,8 @@ pub(crate) fn did_you_mean<'a>(
         .map(|(_, candidate)| format!("did you mean `{candidate}`?"))
 }
 
-/// Levenshtein distance, letters of either case being equal.
+/// Number of letters to insert, delete, replace or swap with their neighbour
+/// (optimal string alignment), letters of either case being equal.
 fn edit_distance(a: &str, b: &str) -> usize {
     // Names longer than this are no slips of each other worth pointing out.
     const LONGEST: usize = 64;
@@ -387,17 +388,23 @@ fn edit_distance(a: &str, b: &str) -> usize {
             .collect()
     };
     let (a, b) = (letters(a), letters(b));
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+    // The rows of the table of distances between beginnings of a and b, last three.
+    let mut before = vec![0; b.len() + 1];
+    let mut above: Vec<usize> = (0..=b.len()).collect();
+    let mut row = above.clone();
+    for i in 1..=a.len() {
+        row[0] = i;
+        for j in 1..=b.len() {
+            let replaced = above[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            row[j] = replaced.min(above[j] + 1).min(row[j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                row[j] = row[j].min(before[j - 2] + 1);
+            }
         }
+        std::mem::swap(&mut before, &mut above);
+        std::mem::swap(&mut above, &mut row);
     }
-    row[b.len()]
+    above[b.len()]
 }
 
 /// Names in quotes, shortened to the first few.
@@ -448,7 +455,14 @@ mod tests {
             Some("did you mean `n1`?".to_string())
         );
         assert_eq!(did_you_mean("platform", ["n1", "n2"]), None);
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        for (a, b, distance) in [
+            ("kitten", "sitting", 3),
+            ("rde", "red", 1),
+            ("", "ab", 2),
+            ("Ab", "aB", 0),
+        ] {
+            assert_eq!(edit_distance(a, b), distance);
+        }
     }
 
     #[test]

@@ -20,6 +20,7 @@
 //! Cost: n³/2 for the factorisation, then O(n² + m n) for every change of the active set.
 
 use crate::kkt::KktResiduals;
+use crate::vector::{axpy, dot, refill};
 use thiserror::Error;
 
 /// A violation below this multiple of the size of the terms in a constraint is rounding.
@@ -909,23 +910,8 @@ fn sign_of(side: Side) -> f64 {
     }
 }
 
-fn refill(vector: &mut Vec<f64>, length: usize, value: f64) {
-    vector.clear();
-    vector.resize(length, value);
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 fn norm_squared(a: &[f64]) -> f64 {
     dot(a, a)
-}
-
-fn axpy(factor: f64, from: &[f64], to: &mut [f64]) {
-    for (t, f) in to.iter_mut().zip(from) {
-        *t += factor * f;
-    }
 }
 
 /// c, s, r with c a + s b = r and c b − s a = 0.

@@ -105,8 +105,8 @@ impl std::fmt::Display for BoundKind {
 pub struct OptionError {
     /// Name of the option.
     pub name: &'static str,
-    /// The value given.
-    pub value: f64,
+    /// The value given, as text.
+    pub value: String,
     /// What the value has to satisfy, such as "be positive".
     pub requirement: &'static str,
 }

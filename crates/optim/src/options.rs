@@ -47,7 +47,7 @@ macro_rules! options {
                     if !holds {
                         return Err($crate::OptionError {
                             name: stringify!($field),
-                            value: $value as f64,
+                            value: $value.to_string(),
                             requirement: $requirement,
                         });
                     }

@@ -4,7 +4,7 @@
 //! one point what it has computed there before (a solver asks for the derivatives at a point only
 //! after it has asked for the values there).
 
-use crate::ProblemError;
+use crate::error::{BoundKind, ProblemError};
 use nalgebra::DMatrix;
 
 /// A smooth function to minimise without constraints: min f(x), x ∈ ℝⁿ.
@@ -287,4 +287,24 @@ pub(crate) fn check_pattern(
             columns,
         }),
     }
+}
+
+/// Checks that every pair of bounds leaves room for a value.
+pub(crate) fn check_bounds(
+    kind: BoundKind,
+    lower: &[f64],
+    upper: &[f64],
+) -> Result<(), ProblemError> {
+    for (index, (&l, &u)) in lower.iter().zip(upper).enumerate() {
+        let ordered = l <= u && l < f64::INFINITY && u > f64::NEG_INFINITY;
+        if !ordered {
+            return Err(ProblemError::ContradictoryBounds {
+                kind,
+                index,
+                lower: l,
+                upper: u,
+            });
+        }
+    }
+    Ok(())
 }

@@ -566,13 +566,17 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             neighbour.log(&self.here.x, &mut self.next.t);
             let length = norm(&self.next.t);
             if length < best.0
-                && self.atlas.represents(cut.neighbour, &self.here.x, &self.next.t)
+                && self
+                    .atlas
+                    .represents(cut.neighbour, &self.here.x, &self.next.t)
             {
                 best = (length, Some(cut.neighbour));
             }
         }
         let neighbour = best.1?;
-        self.atlas.chart(neighbour).log(&self.here.x, &mut self.next.t);
+        self.atlas
+            .chart(neighbour)
+            .log(&self.here.x, &mut self.next.t);
         Some(neighbour)
     }
 

@@ -4,8 +4,8 @@ use cpu_time::ThreadTime;
 use tensegra_atlas::{ChartDomain, ManifoldError};
 use tensegra_model::{
     Body, BodyError, Configuration, DirectionsManifold, Endpoint, EquilibriumError,
-    EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PlannerKind,
-    Problem, SamplingRadius, Structure, control_effort, path_length,
+    EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PlannerKind, Problem,
+    SamplingRadius, Structure, control_effort, path_length,
 };
 use tensegra_sampling::{AtlasRrt, Observer, PlanError, PlannerOptions, SampleRadius, Statistics};
 

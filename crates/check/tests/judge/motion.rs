@@ -87,7 +87,7 @@ fn ends_must_be_those_of_the_problem() {
     }
     problem.start = scaled;
     let report = check_path(&problem, &path, &CheckOptions::default());
-    assert!(report.fails(Check::Start));
+    assert!(report.fails(Check::StartForces) && !report.fails(Check::Start));
 }
 
 #[test]

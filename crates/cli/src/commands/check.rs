@@ -53,7 +53,9 @@ fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {
         Some(problem) => read_problem(problem)?,
         None => contents.read_problem(file).map_err(Failure::message)?,
     };
-    contents.check_structure(file, &problem).map_err(Failure::message)?;
+    contents
+        .check_structure(file, &problem)
+        .map_err(Failure::message)?;
     Ok(check_path(
         &problem,
         &contents.path,

@@ -160,7 +160,7 @@ fn shape<'t>(
 
 /// Decodes obstacles and collision rules. Nothing if the file states neither.
 ///
-/// Without rules, all pairs are tested except connected elements.
+/// Without rules, every obstacle is tested against the whole structure.
 pub(crate) fn decode(
     decoder: &mut Decoder<'_>,
     table: &mut Table<'_>,
@@ -182,6 +182,11 @@ pub(crate) fn decode(
             let attached = attached_shape(decoder, &mut table, planar, meshes);
             decoder.finish(table);
             if let Some(attached) = attached {
+                if collisions.is_none() && attached.role != Role::Decoration {
+                    builder = builder.check_obstacle(entry.key);
+                    let span = entry.key_span.clone();
+                    spans.rules.push([span.clone(), span]);
+                }
                 builder = builder.obstacle(Obstacle {
                     name: entry.key.to_string(),
                     shape: attached.shape,
@@ -193,7 +198,7 @@ pub(crate) fn decode(
         }
     }
     let Some(collisions) = collisions else {
-        return Some((default_rules(builder, &mut spans), spans));
+        return Some((builder, spans));
     };
     let mut rules = Vec::new();
     if let Some(mut table) = decoder.table(collisions) {
@@ -210,12 +215,6 @@ pub(crate) fn decode(
         spans.rules.push(span);
     }
     Some((builder, spans))
-}
-
-/// The rules of a file that states none.
-pub(crate) fn default_rules(builder: EnvironmentBuilder, spans: &mut Spans) -> EnvironmentBuilder {
-    spans.rules = vec![[0..0, 0..0], [0..0, 0..0]];
-    builder.check_all().ignore_connected()
 }
 
 /// `"all"`, `"connected"`, or a list of these, of obstacles, and of pairs, whose

@@ -2,8 +2,9 @@
 //! method, started from the active set of the subproblem before.
 
 use super::engine::{Aim, Backend, Elastic, Engine, Subproblem};
-use super::model::{LocalModel, refill};
+use super::model::LocalModel;
 use crate::dense_qp::{DenseQp, DenseQpSolver, QpStatus};
+use crate::vector::refill;
 use crate::{Nlp, OptionError, ProblemError, SqpOptions, SqpReport};
 
 /// Relative curvature of the price of a violation, which keeps the elastic programme strictly

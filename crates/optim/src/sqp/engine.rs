@@ -16,9 +16,10 @@
 //! when the multipliers demand it. A point is declared infeasible only after a subproblem that
 //! minimises the violation alone, with every row elastic, finds nothing to gain.
 
-use super::model::{LocalModel, check_finite, check_start, largest, refill};
+use super::model::{LocalModel, check_finite, check_start};
 use super::{Evaluations, NumericalTrouble, SqpOptions, SqpReport, SqpStatus, UnmetConstraint};
 use crate::kkt::KktResiduals;
+use crate::vector::{dot, largest, refill};
 use crate::{Hessian, Nlp, ProblemError};
 
 /// A trial step is accepted if it achieves this fraction of the predicted reduction.
@@ -145,6 +146,13 @@ pub(super) struct Engine<B> {
 enum Progress {
     Accepted,
     Stop(SqpStatus),
+}
+
+/// The functions at a trial point.
+struct Trial {
+    objective: f64,
+    /// Reduction of the penalty function; −∞ where a function is not finite.
+    reduction: f64,
 }
 
 /// What changes from iteration to iteration besides the vectors.
@@ -286,6 +294,9 @@ impl<B: Backend + Default> Engine<B> {
                 self.update_quasi_newton(iteration);
             }
             iteration += 1;
+            if self.model.num_variables() == 0 {
+                return Ok((self.status_of_fixed_point(options), iteration, state));
+            }
             if self.is_converged(options, &state) {
                 return Ok((SqpStatus::Converged, iteration, state));
             }
@@ -299,7 +310,7 @@ impl<B: Backend + Default> Engine<B> {
                 let trouble = SqpStatus::NumericalTrouble(NumericalTrouble::Unbounded);
                 return Ok((trouble, iteration, state));
             }
-            if iteration > options.max_iterations {
+            if iteration >= options.max_iterations {
                 return Ok((SqpStatus::IterationLimit, iteration, state));
             }
             if kind != Hessian::QuasiNewton {
@@ -324,6 +335,25 @@ impl<B: Backend + Default> Engine<B> {
                 Progress::Stop(status) => return Ok((status, iteration, state)),
             }
         }
+    }
+
+    /// The status if all variables are fixed.
+    fn status_of_fixed_point(&self, options: &SqpOptions) -> SqpStatus {
+        let unmet = self.unmet(options);
+        if unmet.is_empty() {
+            SqpStatus::Converged
+        } else {
+            SqpStatus::Infeasible(unmet)
+        }
+    }
+
+    fn unmet(&self, options: &SqpOptions) -> Vec<UnmetConstraint> {
+        UnmetConstraint::list(
+            &self.constraints,
+            &self.model.row_lower,
+            &self.model.row_upper,
+            options.feasibility_tolerance,
+        )
     }
 
     /// Finds a step that reduces the penalty function, and takes it.
@@ -391,25 +421,22 @@ impl<B: Backend + Default> Engine<B> {
             }
 
             self.place_trial();
-            let mut reduction = self.evaluate_trial(problem, state, merit);
-            let mut ratio = reduction.0 / predicted;
-            if predicted <= rounding && reduction.0 >= -rounding {
+            let mut trial = self.evaluate_trial(problem, state, merit);
+            let mut ratio = trial.reduction / predicted;
+            if predicted <= rounding && trial.reduction >= -rounding {
                 // Both reductions are rounding errors; the model is all there is to go by.
                 ratio = 1.0;
                 state.idle_steps += 1;
             } else {
                 state.idle_steps = 0;
             }
-            if ratio < ACCEPTED_RATIO && reduction.0.is_finite() && self.model.num_rows() > 0 {
-                // Repair a step that failed through the curvature of the constraints.
-                if self.correct_step(state) {
-                    let corrected = self.evaluate_trial(problem, state, merit);
-                    let corrected_ratio = corrected.0 / predicted;
-                    if corrected_ratio >= ACCEPTED_RATIO {
-                        reduction = corrected;
-                        ratio = corrected_ratio;
-                        self.adopt_multipliers();
-                    }
+            // A step may have failed through nothing but the curvature of the constraints.
+            if ratio < ACCEPTED_RATIO && trial.reduction.is_finite() && self.correct_step(state) {
+                let corrected = self.evaluate_trial(problem, state, merit);
+                if corrected.reduction / predicted >= ACCEPTED_RATIO {
+                    ratio = corrected.reduction / predicted;
+                    trial = corrected;
+                    self.adopt_multipliers();
                 }
             }
             let at_edge = step_size >= 0.99 * state.radius;
@@ -422,7 +449,7 @@ impl<B: Backend + Default> Engine<B> {
             if ratio >= ACCEPTED_RATIO {
                 std::mem::swap(&mut self.x, &mut self.trial);
                 std::mem::swap(&mut self.constraints, &mut self.trial_constraints);
-                state.objective = reduction.1;
+                state.objective = trial.objective;
                 state.steering_pause = state.steering_pause.saturating_sub(1);
                 // The gradient of the Lagrangian at the old point with the new multipliers, for
                 // the quasi-Newton update.
@@ -503,9 +530,12 @@ impl<B: Backend + Default> Engine<B> {
         true
     }
 
-    /// Replaces the step by one that also accounts for the constraint values at the trial point.
-    /// The step as it was is kept if there is none.
+    /// Replaces the step, and with it the trial point, by one that also accounts for the constraint
+    /// values found at the trial point.
     fn correct_step(&mut self, state: &State) -> bool {
+        if self.model.num_rows() == 0 {
+            return false;
+        }
         for i in 0..self.model.num_rows() {
             let scale = self.model.row_scales[i];
             let linear = self.model.jacobian.row_dot(i, &self.step);
@@ -598,26 +628,6 @@ impl<B: Backend + Default> Engine<B> {
             .unwrap_or(SqpStatus::NumericalTrouble(NumericalTrouble::StepTooSmall))
     }
 
-    /// The violated constraints, worst first.
-    fn unmet(&self, options: &SqpOptions) -> Vec<UnmetConstraint> {
-        let mut unmet: Vec<UnmetConstraint> = self
-            .constraints
-            .iter()
-            .enumerate()
-            .filter_map(|(constraint, &value)| {
-                let below = value - self.model.row_lower[constraint];
-                let above = value - self.model.row_upper[constraint];
-                let violation = if above > 0.0 { above } else { below.min(0.0) };
-                (violation.abs() > options.feasibility_tolerance).then_some(UnmetConstraint {
-                    constraint,
-                    violation,
-                })
-            })
-            .collect();
-        unmet.sort_by(|a, b| b.violation.abs().total_cmp(&a.violation.abs()));
-        unmet
-    }
-
     /// What the linearised constraints at x leave to Jd.
     fn set_row_bounds(&mut self) {
         for i in 0..self.model.num_rows() {
@@ -647,23 +657,22 @@ impl<B: Backend + Default> Engine<B> {
         }
     }
 
-    /// The reduction of the penalty function at the trial point, and the objective there.
-    /// −∞ where a function is not finite.
-    fn evaluate_trial<P: Nlp>(
-        &mut self,
-        problem: &mut P,
-        state: &mut State,
-        merit: f64,
-    ) -> (f64, f64) {
+    /// Evaluates the functions at the trial point.
+    fn evaluate_trial<P: Nlp>(&mut self, problem: &mut P, state: &mut State, merit: f64) -> Trial {
         state.evaluations.functions += 1;
         let objective = problem.objective(&self.trial);
         problem.constraints(&self.trial, &mut self.trial_constraints);
         let finite = objective.is_finite() && self.trial_constraints.iter().all(|c| c.is_finite());
-        if !finite {
-            return (f64::NEG_INFINITY, objective);
+        let reduction = if finite {
+            let violation = self.model.violation(&self.trial_constraints);
+            merit - objective - state.penalty * violation
+        } else {
+            f64::NEG_INFINITY
+        };
+        Trial {
+            objective,
+            reduction,
         }
-        let violation = self.model.violation(&self.trial_constraints);
-        (merit - objective - state.penalty * violation, objective)
     }
 
     /// Violation of the linearised constraints by the step.
@@ -725,17 +734,16 @@ impl<B: Backend + Default> Engine<B> {
             }
         }
         // The multipliers count towards the size of the terms that cancel.
-        let objective_size = size;
-        let mut size = size;
+        let mut terms = size;
         for (i, &multiplier) in self.multipliers_hat.iter().enumerate() {
             if multiplier != 0.0 {
                 let (columns, values) = self.model.jacobian.row(i);
                 for (&k, v) in columns.iter().zip(values) {
-                    size = size.max((multiplier * v / self.model.scales[k]).abs());
+                    terms = terms.max((multiplier * v / self.model.scales[k]).abs());
                 }
             }
         }
-        let size = size.min(LARGEST_TERM * nonzero(objective_size));
+        let size = terms.min(LARGEST_TERM * nonzero(size));
         if stationarity > options.optimality_tolerance * size {
             return false;
         }
@@ -850,10 +858,6 @@ impl<B: Backend + Default> Engine<B> {
 
 fn not_finite_at_start((what, index, value): (&'static str, usize, f64)) -> ProblemError {
     ProblemError::NotFiniteAtStart { what, index, value }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// A magnitude to divide by or to measure with.

@@ -1,4 +1,4 @@
-//! Sequential quadratic programming.
+//! Sequential quadratic programming for small and for large problems.
 
 use crate::kkt::KktResiduals;
 use crate::options::options;
@@ -6,14 +6,16 @@ use crate::options::options;
 options! {
     /// Options of [`SparseSqp`](crate::SparseSqp) and [`DenseSqp`](crate::DenseSqp).
     pub struct SqpOptions {
-        /// Most iterations (points at which derivatives are evaluated). Default 100.
-        max_iterations / with_max_iterations: usize = 100;
+        /// Most iterations: points at which derivatives are evaluated. Default 100.
+        max_iterations / with_max_iterations: usize = 100,
+            "be at least one" if |v| v >= 1;
         /// Largest violation of a constraint or bound at a converged point, in the units of the
         /// constraint. Default 1e-8.
         feasibility_tolerance / with_feasibility_tolerance: f64 = 1e-8,
             "be positive and finite" if |v| v > 0.0 && v.is_finite();
-        /// Largest relative stationarity residual at a converged point, see
-        /// [`KktResiduals::relative_stationarity`]. Default 1e-6.
+        /// Largest stationarity residual ‖∇f + Jᵀλ + z‖∞ at a converged point, relative to the largest
+        /// of the terms that cancel in it (∇f and λᵢ∇cᵢ, the latter up to a hundred times ∇f) and to
+        /// a hundredth of ∇f at the start. Default 1e-6.
         optimality_tolerance / with_optimality_tolerance: f64 = 1e-6,
             "be positive and finite" if |v| v > 0.0 && v.is_finite();
         /// Half width Δ of the first trust region |dⱼ| ≤ Δ·scaleⱼ. Default 1.
@@ -77,6 +79,26 @@ pub struct UnmetConstraint {
     /// How far its value is from the range allowed: positive above the upper bound, negative
     /// below the lower bound.
     pub violation: f64,
+}
+
+impl UnmetConstraint {
+    /// The constraints violated by more than the tolerance, the most violated first.
+    pub(crate) fn list(values: &[f64], lower: &[f64], upper: &[f64], tolerance: f64) -> Vec<Self> {
+        let mut unmet: Vec<Self> = values
+            .iter()
+            .zip(lower.iter().zip(upper))
+            .enumerate()
+            .filter_map(|(constraint, (value, (lower, upper)))| {
+                let violation = (value - upper).max(0.0) + (value - lower).min(0.0);
+                (violation.abs() > tolerance).then_some(Self {
+                    constraint,
+                    violation,
+                })
+            })
+            .collect();
+        unmet.sort_by(|a, b| b.violation.abs().total_cmp(&a.violation.abs()));
+        unmet
+    }
 }
 
 /// What stopped a run short of its tolerances.

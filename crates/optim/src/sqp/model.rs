@@ -5,7 +5,8 @@
 //! and SHS, and the trust region is the same in every direction.
 
 use crate::error::BoundKind;
-use crate::problem::{check_length, check_pattern};
+use crate::problem::{check_bounds, check_length, check_pattern};
+use crate::vector::{largest, refill};
 use crate::{Hessian, Nlp, ProblemError, TripletPattern};
 
 /// Triplets that fall on fixed variables have no place in the model.
@@ -420,21 +421,6 @@ impl LocalModel {
     }
 }
 
-fn check_bounds(kind: BoundKind, lower: &[f64], upper: &[f64]) -> Result<(), ProblemError> {
-    for (index, (&l, &u)) in lower.iter().zip(upper).enumerate() {
-        let ordered = l <= u && l < f64::INFINITY && u > f64::NEG_INFINITY;
-        if !ordered {
-            return Err(ProblemError::ContradictoryBounds {
-                kind,
-                index,
-                lower: l,
-                upper: u,
-            });
-        }
-    }
-    Ok(())
-}
-
 /// Checks a starting point.
 pub(super) fn check_start(num_variables: usize, x: &[f64]) -> Result<(), ProblemError> {
     check_length("the starting point", num_variables, x.len())?;
@@ -456,13 +442,4 @@ pub(super) fn check_finite(
         None => Ok(()),
         Some(index) => Err((what, index, values[index])),
     }
-}
-
-pub(super) fn refill(vector: &mut Vec<f64>, length: usize, value: f64) {
-    vector.clear();
-    vector.resize(length, value);
-}
-
-pub(super) fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0_f64, |a, v| a.max(v.abs()))
 }

@@ -11,7 +11,8 @@
 //! Only rows that a zero step violates carry slack variables: the others can be met by not moving.
 
 use super::engine::{Aim, Backend, Elastic, Engine, Subproblem};
-use super::model::{LocalModel, RowSide, largest, refill};
+use super::model::{LocalModel, RowSide};
+use crate::vector::{largest, refill};
 use crate::{Nlp, OptionError, ProblemError, SqpOptions, SqpReport};
 use clarabel::algebra::CscMatrix;
 use clarabel::qdldl::{QDLDLFactorisation, QDLDLSettings};

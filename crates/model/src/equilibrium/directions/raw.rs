@@ -402,16 +402,13 @@ impl RawSystem {
             if !node.balanced || (forces.is_empty() && node.load == Vector3::zeros()) {
                 continue;
             }
-            for axis in 0..3 {
+            for (axis, label) in AXES.iter().enumerate() {
                 let load = Polynomial::constant(node.load[axis]);
                 let sum = forces.iter().fold(load, |sum, &(e, force, sign)| {
                     let force = Polynomial::variable(force);
                     sum.plus(sign, &force.times(&self.direction(e, axis)))
                 });
-                self.state(
-                    format!("force balance of {} in {}", node.name, AXES[axis]),
-                    sum,
-                );
+                self.state(format!("force balance of {} in {label}", node.name), sum);
             }
         }
     }
