@@ -15,6 +15,22 @@ pub struct RobotAtStart {
     pub stance: Stance,
 }
 
+impl RobotAtStart {
+    /// The same start, shifted so that the centre of mass is above the given point.
+    #[must_use]
+    pub fn moved_to(mut self, [x, y]: [f64; 2]) -> Self {
+        let centre = self.robot.centre_of_mass(&self.stance.coordinates);
+        let axes = self.robot.dimension().axes();
+        for position in self.stance.coordinates.chunks_exact_mut(axes) {
+            position[0] += x - centre.x;
+            if axes == 3 {
+                position[1] += y - centre.y;
+            }
+        }
+        self
+    }
+}
+
 /// Distance from the middle of a unit triangle to its sides.
 const INRADIUS: f64 = 0.288_675_134_594_812_9;
 /// Height of the regular unit tetrahedron, √(2/3).

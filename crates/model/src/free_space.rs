@@ -196,9 +196,10 @@ pub struct Memory {
     bounds: Vec<f64>,
 }
 
-/// Node positions and the capsules that follow from them.
+/// A point of the manifold with the node positions and capsules that follow.
 #[derive(Clone, Debug)]
 struct State {
+    x: Vec<f64>,
     positions: Vec<Point3<f64>>,
     capsules: Vec<Capsule>,
 }
@@ -350,6 +351,7 @@ impl Scene {
         let State {
             positions,
             capsules,
+            ..
         } = state;
         for (capsule, moving) in capsules.iter_mut().zip(&self.capsules) {
             match moving {
@@ -390,6 +392,7 @@ impl Scene {
             }
         };
         State {
+            x: Vec::new(),
             positions: vec![Point3::origin(); nodes],
             capsules: self
                 .capsules
@@ -558,6 +561,8 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
     }
 
     fn place(&self, x: &[f64], state: &mut State) {
+        state.x.clear();
+        state.x.extend_from_slice(x);
         self.manifold.positions(x, &mut state.positions);
         self.scene.place(state);
     }
@@ -578,6 +583,17 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             return false;
         }
         let state = self.state(&y);
+        // The deviation in all coordinates, forces included: a judge that
+        // returns to the manifold along another normal may move the nodes by
+        // what is a change of forces here.
+        let whole = self.size
+            * a.x
+                .iter()
+                .zip(&b.x)
+                .zip(&y)
+                .map(|((a, b), y)| (y - 0.5 * (a + b)).powi(2))
+                .sum::<f64>()
+                .sqrt();
         let deviation: Vec<f64> = a
             .capsules
             .iter()
@@ -585,21 +601,25 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             .zip(&state.capsules)
             .map(|((a, b), m)| {
                 let first = (m.a - nalgebra::center(&a.a, &b.a)).norm();
-                DEVIATION_FACTOR * first.max((m.b - nalgebra::center(&a.b, &b.b)).norm())
+                first
+                    .max((m.b - nalgebra::center(&a.b, &b.b)).norm())
+                    .max(whole)
             })
             .collect();
         let mut open = Vec::new();
         for &i in pairs {
             let pair = &self.scene.pairs[i];
-            if self.scene.contact(pair, &state).clearance < self.least {
+            let deviation = match pair.primitives {
+                Primitives::Capsules(i, j) => deviation[i] + deviation[j],
+                Primitives::CapsuleObstacle(i, _) => deviation[i],
+                _ => 0.0,
+            };
+            // A judge that returns to the manifold another way finds another
+            // middle, no farther off than this one is from the straight line.
+            if self.scene.contact(pair, &state).clearance < self.least + deviation {
                 return false;
             }
-            let slack = self.least
-                + match pair.primitives {
-                    Primitives::Capsules(i, j) => deviation[i] + deviation[j],
-                    Primitives::CapsuleObstacle(i, _) => deviation[i],
-                    _ => 0.0,
-                };
+            let slack = self.least + DEVIATION_FACTOR * deviation;
             if !self.scene.is_swept_clear(pair, a, b, slack) {
                 open.push(i);
             }

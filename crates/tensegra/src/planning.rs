@@ -31,8 +31,9 @@ pub struct Plan {
     pub seed: u64,
     /// Length of the path in the coordinates of Porta and Hernández-Juan.
     pub path_length: f64,
-    /// Control effort of the path in the same coordinates (their eq. 24).
-    pub control_effort: f64,
+    /// Control effort of the path in the same coordinates (their eq. 24);
+    /// `None` where the path passes a point whose directions are singular.
+    pub control_effort: Option<f64>,
 }
 
 /// Why there is no plan.
@@ -45,9 +46,6 @@ pub enum PlanningError {
     /// A body has no valid shape.
     #[error(transparent)]
     Body(#[from] BodyError),
-    /// The control effort of the path found cannot be told.
-    #[error(transparent)]
-    Effort(#[from] tensegra_model::EffortError),
     /// Start or goal is refused.
     #[error(transparent)]
     Endpoint(#[from] EndpointError),
@@ -198,7 +196,7 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
     };
     Ok(Plan {
         path_length: path_length(&problem.structure, &path)?,
-        control_effort: control_effort(&problem.structure, &path)?,
+        control_effort: control_effort(&problem.structure, &path).ok(),
         path,
         planning_seconds: found.statistics.seconds,
         statistics: found.statistics,

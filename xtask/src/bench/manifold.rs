@@ -131,7 +131,7 @@ struct Run {
     charts: f64,
     nodes: f64,
     path_length: f64,
-    control_effort: f64,
+    control_effort: Option<f64>,
     /// None where the problem has no pairs of bodies.
     clearance: Option<f64>,
     displacement: Option<f64>,
@@ -295,7 +295,7 @@ fn rows_of(case: &Case, variant: &str, count: usize, runs: &[Run]) -> Vec<BenchR
         row(
             "control effort",
             "1",
-            &all(|run| run.control_effort),
+            &some(|run| run.control_effort),
             both(|f| f.effort),
         ),
         row(

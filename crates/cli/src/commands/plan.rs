@@ -375,10 +375,10 @@ fn print_solved(seed: u64, solved: &Solved) {
     );
     print_statistics(&plan.statistics);
     println!(
-        "path               {} configurations, length {:.4}, control effort {:.4}",
+        "path               {} configurations, length {:.4}, control effort {}",
         plan.path.configurations.len(),
         plan.path_length,
-        plan.control_effort
+        effort_text(plan)
     );
     for (label, check) in [
         ("clearance", Check::Clearance),
@@ -411,6 +411,11 @@ fn print_solved(seed: u64, solved: &Solved) {
     }
 }
 
+fn effort_text(plan: &Plan) -> String {
+    plan.control_effort
+        .map_or_else(|| "-".to_owned(), |effort| format!("{effort:.4}"))
+}
+
 fn print_statistics(s: &Statistics) {
     println!(
         "search             {} charts, {} nodes, {} branches ({} productive)",
@@ -432,14 +437,14 @@ fn print_many(outcomes: &[Outcome]) {
             Ok(Solved { plan, report, .. }) => {
                 seconds.push(plan.planning_seconds);
                 println!(
-                    "{:>6}  yes     {:<8} {:>11.5} {:>8} {:>8} {:>8.3} {:>8.3}",
+                    "{:>6}  yes     {:<8} {:>11.5} {:>8} {:>8} {:>8.3} {:>8}",
                     outcome.seed,
                     if report.ok { "accepted" } else { "REFUSED" },
                     plan.planning_seconds,
                     plan.statistics.charts,
                     plan.statistics.nodes,
                     plan.path_length,
-                    plan.control_effort
+                    effort_text(plan)
                 );
             }
             Err((error, statistics)) => println!(

@@ -48,11 +48,6 @@ impl Stroke {
         self
     }
 
-    pub(crate) const fn opacity(mut self, opacity: f64) -> Self {
-        self.opacity = opacity;
-        self
-    }
-
     pub(crate) const fn round(mut self) -> Self {
         self.round = true;
         self

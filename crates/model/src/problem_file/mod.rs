@@ -123,20 +123,13 @@ fn read_tens(path: &Path, file: SourceFile, findings: &mut Findings) -> Option<P
 }
 
 fn read_toml(path: &Path, file: SourceFile, findings: &mut Findings) -> Option<Problem> {
-    let (document, errors) = DeTable::parse_recoverable(file.text());
-    if !errors.is_empty() {
-        for error in errors {
-            let end = file.text().len();
-            let span = error.span().unwrap_or(end..end);
-            findings.push(Finding::in_text(
-                Severity::Error,
-                &file,
-                span,
-                error.message(),
-            ));
+    let document = match DeTable::parse(file.text()) {
+        Ok(document) => document,
+        Err(first) => {
+            syntax_errors(&file, first, findings);
+            return None;
         }
-        return None;
-    }
+    };
     let errors = findings.error_count();
     let mut decoder = Decoder {
         file: &file,
@@ -254,12 +247,35 @@ fn read_toml(path: &Path, file: SourceFile, findings: &mut Findings) -> Option<P
     })
 }
 
+/// Reports what is no TOML: all errors, or the first where the text is so long that
+/// they could be very many.
+fn syntax_errors(file: &SourceFile, first: toml::de::Error, findings: &mut Findings) {
+    const LONG: usize = 1 << 20;
+    let errors = if file.text().len() > LONG {
+        vec![first]
+    } else {
+        DeTable::parse_recoverable(file.text()).1
+    };
+    let end = file.text().len();
+    for error in errors {
+        let span = error.span().unwrap_or(end..end);
+        let finding = Finding::in_text(Severity::Error, file, span, error.message());
+        findings.push(finding);
+    }
+}
+
 /// Defines constants, in the order of the text.
 fn constants(decoder: &mut Decoder<'_>, value: Value<'_>) {
     let Some(table) = decoder.table(value) else {
         return;
     };
     for entry in table.into_entries() {
+        let letters = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
+        if !entry.key.chars().all(letters) || entry.key.starts_with(|c: char| c.is_ascii_digit()) {
+            let hint = "a name is made of letters, digits and _, and begins with no digit";
+            let message = format!("no expression can name the constant `{}`", entry.key);
+            decoder.error(entry.key_span.clone(), message, hint.to_string());
+        }
         // A broken definition still defines the name: it is reported here, not
         // wherever the name is used.
         let value = decoder

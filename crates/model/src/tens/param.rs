@@ -257,18 +257,20 @@ mod tests {
         assert!(notices.is_empty(), "{notices:?}");
         let mut settings = PlannerSettings::default();
         parameters.apply(&mut settings);
-        let mut expected = PlannerSettings::default();
-        expected.tolerance = 1e-7;
-        expected.chart_radius = 0.3;
-        expected.chart_error = 0.2;
-        expected.curvature = 0.2;
-        expected.step = 0.0625;
-        expected.max_newton_iterations = 20;
-        expected.max_charts = 10;
-        expected.time_limit = 5.0;
-        expected.max_nodes = 7;
-        expected.planner = PlannerKind::OneTree;
-        expected.expected_dimension = Some(3);
+        let expected = PlannerSettings {
+            tolerance: 1e-7,
+            chart_radius: 0.3,
+            chart_error: 0.2,
+            curvature: 0.2,
+            step: 0.0625,
+            max_newton_iterations: 20,
+            max_charts: 10,
+            time_limit: 5.0,
+            max_nodes: 7,
+            planner: PlannerKind::OneTree,
+            expected_dimension: Some(3),
+            ..PlannerSettings::default()
+        };
         assert_eq!(settings, expected);
         assert_eq!(parameters.pretension(), Some(Some(4.0)));
     }
@@ -278,8 +280,10 @@ mod tests {
         let (parameters, _) = read("SR = 6 N_DOF = 0 PRETENSION = 0").unwrap();
         let mut settings = PlannerSettings::default();
         parameters.apply(&mut settings);
-        let mut expected = PlannerSettings::default();
-        expected.sampling_radius = SamplingRadius::Fixed(6.0);
+        let expected = PlannerSettings {
+            sampling_radius: SamplingRadius::Fixed(6.0),
+            ..PlannerSettings::default()
+        };
         assert_eq!(settings, expected);
         assert_eq!(parameters.pretension(), Some(None));
         assert_eq!(Parameters::default().pretension(), None);

@@ -130,7 +130,7 @@ problems! {
         .collect();
 
     JennrichSampson, vec![0.3, 0.4], [124.362_182_355_6], |x| (1..=10)
-        .map(|i| f64::from(i))
+        .map(f64::from)
         .map(|i| -(x[0] * i).exp() - (x[1] * i).exp() + 2.0 + 2.0 * i)
         .collect();
 

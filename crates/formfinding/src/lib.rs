@@ -1,1 +1,0 @@
-//! Stable, collision-free configurations of tensegrity structures.

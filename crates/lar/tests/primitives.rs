@@ -1,0 +1,203 @@
+//! Motion primitives against the figures of the literature and the independent check.
+
+mod common;
+
+use common::{check_motion, known_primitive, known_primitives};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use tensegra_lar::{
+    Limits, Primitive, PrimitiveError, PrimitiveOptions, RobotAtStart, Support, SymmetricRobot,
+    SymmetryError, Turn, check_symmetry, extend_primitive, find_gait, find_primitive,
+    solve_primitive, straight_strip, unit_k5,
+};
+
+#[test]
+fn one_roll_primitives_reproduce_the_literature() {
+    for known in known_primitives() {
+        let primitive = known.primitive();
+        let (cost, ratio) = (primitive.cost(), primitive.length_ratio());
+        assert!(
+            (cost - known.cost).abs() < 0.005 * known.cost,
+            "{}: cost {cost}",
+            known.name
+        );
+        assert!(
+            (ratio - known.ratio).abs() < 0.005,
+            "{}: ratio {ratio}",
+            known.name
+        );
+        assert!(
+            (cost - known.cost_paper).abs() < 0.0005,
+            "{}: as printed",
+            known.name
+        );
+        assert!(
+            (ratio - known.ratio_paper).abs() < 0.005,
+            "{}: as printed",
+            known.name
+        );
+
+        let (walk, verdict) = check_motion(primitive.symmetric_robot(), &primitive.motion());
+        assert!(
+            verdict.valid,
+            "{}: {:?}",
+            known.name,
+            verdict.faults.first()
+        );
+        assert!(verdict.worst_violation.unwrap() < 1e-7);
+        let clearance = walk.statistics.certified_clearance.unwrap();
+        assert!(clearance > 0.075, "{}", known.name);
+        assert!(verdict.least_distance.unwrap() >= clearance);
+    }
+}
+
+#[test]
+fn the_cost_per_roll_falls_with_the_number_of_rolls_and_to_the_gait() {
+    let options = PrimitiveOptions::default();
+    for known in [known_primitive("octahedron"), known_primitive("k5-rolling")] {
+        let one = known.primitive();
+        let mut last = one.cost();
+        for rolls in 2..=3 {
+            let (primitive, _) = extend_primitive(&one, &straight_strip(rolls), &options).unwrap();
+            let per_roll = primitive.cost() / rolls as f64;
+            assert!(per_roll < last);
+            assert!(
+                (per_roll - known.per_roll[rolls - 1]).abs() < 2e-4,
+                "{}",
+                known.name
+            );
+            last = per_roll;
+            let (_, verdict) = check_motion(primitive.symmetric_robot(), &primitive.motion());
+            assert!(
+                verdict.valid,
+                "{}: {:?}",
+                known.name,
+                verdict.faults.first()
+            );
+        }
+        let gait = find_gait(&one, &options).unwrap().best;
+        assert!(gait.cost() < last && gait.cost() / one.cost() <= known.gait);
+        let motion = gait.repeat(3);
+        assert_eq!(motion.rolls.len(), 3);
+        let (_, verdict) = check_motion(gait_robot(&one), &motion);
+        assert!(
+            verdict.valid,
+            "{}: {:?}",
+            known.name,
+            verdict.faults.first()
+        );
+    }
+}
+
+fn gait_robot(primitive: &Primitive) -> &SymmetricRobot {
+    primitive.symmetric_robot()
+}
+
+#[test]
+fn an_imposed_rigidity_index_holds_along_a_gait() {
+    let known = known_primitive("octahedron");
+    let least = 0.0025;
+    let symmetric = known.symmetric(Limits::default().with_min_rigidity(Some(least)));
+    let options = PrimitiveOptions::default();
+    let (one, _) = solve_primitive(&symmetric, &known.tip_shape(), &options).unwrap();
+    let gait = find_gait(&one, &options).unwrap().best;
+    assert!(gait.cost() / one.cost() <= known.gait);
+    let robot = symmetric.robot();
+    for x in gait.configurations() {
+        assert!(robot.extremes(x).rigidity >= least * (1.0 - 1e-6));
+    }
+}
+
+#[test]
+fn the_search_needs_no_tip_shape() {
+    let known = known_primitive("k5-rolling");
+    let options = PrimitiveOptions::default().with_starts(12).with_kept(1);
+    let symmetric = known.symmetric(Limits::default());
+    let search = find_primitive(&symmetric, &options, &mut Pcg64::seed_from_u64(1)).unwrap();
+    assert!((search.best.cost() - known.cost).abs() < 0.005 * known.cost);
+    let again = find_primitive(&symmetric, &options, &mut Pcg64::seed_from_u64(1)).unwrap();
+    assert_eq!(search, again);
+}
+
+#[test]
+fn primitives_are_placed_mirrored_and_stored() {
+    let one = known_primitive("octahedron").primitive();
+    let symmetric = one.symmetric_robot();
+    let turns = [Turn::Left];
+    let options = PrimitiveOptions::default();
+    let (two, _) = extend_primitive(&one, &turns, &options).unwrap();
+
+    let text = two.to_json();
+    let read = Primitive::from_json(&text).unwrap();
+    assert_eq!(read.turns(), turns);
+    assert!((read.cost() - two.cost()).abs() < 1e-9);
+    let tampered = text.replacen("\"max_length\":4.0", "\"max_length\":1.1", 1);
+    assert!(
+        Primitive::from_json(&tampered)
+            .unwrap_err()
+            .to_string()
+            .contains("greatest length")
+    );
+
+    // Left, and mirrored right, from a stance reached by another roll.
+    let (stance, _) = symmetric.roll(&symmetric.start(), 1).unwrap();
+    for (mirrored, turn) in [(false, Turn::Left), (true, Turn::Right)] {
+        for side in 0..3 {
+            let (motion, end) = two.place(&stance, side, mirrored).unwrap();
+            assert_eq!(motion.configurations[0].len(), stance.coordinates.len());
+            for (a, b) in motion.configurations[0].iter().zip(&stance.coordinates) {
+                assert!((a - b).abs() < 1e-9);
+            }
+            let (_, verdict) = check_motion(symmetric, &motion);
+            assert!(
+                verdict.valid,
+                "{turn:?} {side}: {:?}",
+                verdict.faults.first()
+            );
+            // The end is again a stance to go on from.
+            assert!(one.place(&end, 0, false).is_some());
+        }
+    }
+    let crooked = {
+        let mut stance = symmetric.start();
+        stance.coordinates[11] += 0.1;
+        stance
+    };
+    assert!(one.place(&crooked, 0, false).is_none());
+}
+
+#[test]
+fn asymmetric_starts_are_refused_by_node() {
+    let RobotAtStart { robot, stance } = unit_k5(Limits::default()).unwrap();
+    let check = |coordinates: &[f64]| {
+        check_symmetry(&robot, coordinates, &stance.support, 1e-6).unwrap_err()
+    };
+    let mut shifted = stance.coordinates.clone();
+    shifted[3 * 4 + 1] += 0.05;
+    assert!(matches!(
+        check(&shifted),
+        SymmetryError::NoPartner { node: 4, .. }
+    ));
+    let mut wide = stance.coordinates.clone();
+    wide[4] -= 0.2;
+    assert!(matches!(check(&wide), SymmetryError::NotEquilateral { .. }));
+    let heavy = robot
+        .clone()
+        .with_masses(&[2.0, 1.0, 1.0, 1.0, 1.0])
+        .unwrap();
+    let error = check_symmetry(&heavy, &stance.coordinates, &stance.support, 1e-6).unwrap_err();
+    assert!(
+        matches!(error, SymmetryError::MassesDiffer { .. }),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_start_beyond_the_limits_is_refused_by_member() {
+    let limits = Limits::default().with_max_length(0.9);
+    let RobotAtStart { robot, stance } = unit_k5(limits).unwrap();
+    let support = Support::new(&robot, &[0, 1, 2]).unwrap();
+    let symmetric = &SymmetricRobot::all(&robot, &stance.coordinates, &support).unwrap()[0];
+    let error = solve_primitive(symmetric, &stance.coordinates, &PrimitiveOptions::default());
+    assert!(matches!(error, Err(PrimitiveError::StartInfeasible { .. })));
+}
