@@ -36,7 +36,7 @@ pub struct BenchArguments {
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
     /// CPU seconds after which a run is given up and counts as failed
-    #[arg(long, value_name = "S", default_value_t = TIME_LIMIT)]
+    #[arg(long, value_name = "S", default_value_t = TIME_LIMIT, value_parser = parse_seconds)]
     time_limit: f64,
     /// Folder of results
     #[arg(long, value_name = "DIR", default_value = OUT)]
@@ -48,6 +48,13 @@ pub struct BenchArguments {
 
 const TIME_LIMIT: f64 = 60.0;
 const OUT: &str = "out/bench";
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
+        _ => Err("give a positive number of seconds".to_owned()),
+    }
+}
 
 impl BenchArguments {
     /// The short benchmark of continuous integration.
