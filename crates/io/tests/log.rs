@@ -1,5 +1,6 @@
 //! Logs are read back with the readers of other tools.
 
+#[allow(dead_code)] // each test uses a part of it
 #[path = "../examples/gallery/data.rs"]
 mod data;
 

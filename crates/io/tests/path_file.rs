@@ -1,6 +1,7 @@
 //! Path files: what is written is read, bit for bit; what is wrong is named
 //! with its place; and the problem is found again.
 
+#[allow(dead_code)] // each test uses a part of it
 #[path = "../examples/gallery/data.rs"]
 mod data;
 
@@ -248,7 +249,9 @@ fn what_cannot_be_read_back_is_not_written() {
         infinite.to_string().contains("the force of element `c2`"),
         "{infinite}"
     );
-    let missing = attempt(&|all| drop(all[2].forces.pop()));
+    let missing = attempt(&|all| {
+        all[2].forces.pop();
+    });
     assert!(
         missing.to_string().contains("configuration 2 has 8 forces"),
         "{missing}"

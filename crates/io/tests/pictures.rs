@@ -1,6 +1,7 @@
 //! What can be told of pictures without looking: no text lies on another or
 //! leaves the page, the same input gives the same picture, bad input is named.
 
+#[allow(dead_code)] // each test uses a part of it
 #[path = "../examples/gallery/data.rs"]
 mod data;
 #[path = "../examples/gallery/pictures.rs"]

@@ -186,11 +186,65 @@ impl Default for SceneOptions {
     }
 }
 
+impl SceneOptions {
+    /// These options with scenes seen from elsewhere.
+    pub fn view(mut self, view: View) -> Self {
+        self.view = view;
+        self
+    }
+
+    /// These options with another width of the picture, in pixels; at least 160.
+    pub fn width(mut self, width: f64) -> Self {
+        self.width = width.max(160.0);
+        self
+    }
+
+    /// These options with so many panels to a row.
+    pub fn columns(mut self, columns: usize) -> Self {
+        self.columns = Some(columns);
+        self
+    }
+
+    /// These options with the joints of the first panel named.
+    pub fn names(mut self) -> Self {
+        self.names = true;
+        self
+    }
+
+    /// These options with a unit of length for the scale bar.
+    pub fn unit(mut self, unit: impl Into<String>) -> Self {
+        self.unit = Some(unit.into());
+        self
+    }
+}
+
 /// Draws scenes in panels of one scale, each with its title.
 ///
 /// # Errors
 /// [`PictureError`] when there is nothing to draw, or a coordinate is not a
 /// finite number.
+///
+/// # Examples
+/// ```
+/// # fn main() -> Result<(), tensegra_io::PictureError> {
+/// use nalgebra::Point3;
+/// use tensegra_io::{Scene, SceneOptions, View, draw_scenes};
+/// use tensegra_model::ElementKind;
+///
+/// let [a, b, c] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.4, 0.8, 0.0]].map(Point3::from);
+/// let scene = Scene::new()
+///     .member(ElementKind::Strut, [a, b], 0.02)
+///     .member(ElementKind::Cable, [a, c], 0.002)
+///     .member(ElementKind::Cable, [b, c], 0.002)
+///     .joint(a, "a")
+///     .joint(b, "b")
+///     .joint(c, "c");
+/// let options = SceneOptions::default().view(View::Plan).names().unit("m");
+/// let picture = draw_scenes(&[("triangle".to_owned(), scene)], &options)?;
+/// assert!(picture.to_svg().contains("triangle"));
+/// # Ok(())
+/// # }
+/// ```
 pub fn draw_scenes(
     panels: &[(String, Scene)],
     options: &SceneOptions,
