@@ -428,13 +428,12 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         let goal = std::mem::take(target);
         let connection = self.extend(1 - tree, near, &goal, true);
         *target = goal;
-        connection.reached.then(|| {
-            if tree == 0 {
-                (node, connection.last)
-            } else {
-                (connection.last, node)
-            }
-        })
+        let meeting = if tree == 0 {
+            (node, connection.last)
+        } else {
+            (connection.last, node)
+        };
+        connection.reached.then_some(meeting)
     }
 
     /// Grows a tree from one of its nodes towards `target`; when `exact`, the
@@ -884,7 +883,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             }),
             Err(failure) => Err(PlanError::NotFound {
                 failure,
-                statistics,
+                statistics: Box::new(statistics),
             }),
         }
     }

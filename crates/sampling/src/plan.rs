@@ -96,7 +96,7 @@ pub enum PlanError {
         /// The limit.
         failure: Failure,
         /// Figures of the run.
-        statistics: Statistics,
+        statistics: Box<Statistics>,
     },
     /// Start or goal is not valid by itself.
     #[error("the {which} is not valid: {reason}")]
