@@ -4,7 +4,7 @@
 //! and forces interpolated linearly, and equilibrium restored ([`crate::restore`]). For each
 //! interval the equilibrium half-way is solved for, and every part of a body is taken to stray from
 //! the straight motion of its control points by at most σ, a stated multiple of the deviation found
-//! half-way. Then, for each pair of parts,
+//! half-way (and a little more, [`crate::bodies`]). Then, for each pair of parts,
 //!
 //! 1. with clearances c₀, c₁ at the ends and D the largest motion of any point of one part relative
 //!    to any point of the other, the clearance is never below (c₀ + c₁ − D) / 2 − σ: at the share t
@@ -197,22 +197,16 @@ impl<'a> Motion<'a> {
         pairs: &[usize],
         ledger: &mut Ledger,
     ) -> Vec<usize> {
-        let location = span.middle();
-        let residual = self.restorer.restore(
-            &start.configuration,
-            &end.configuration,
-            &mut middle.configuration,
-        );
+        let (location, required) = (span.middle(), self.options.min_clearance);
         ledger.statistics.midpoints += 1;
         ledger.statistics.depth = ledger.statistics.depth.max(span.depth);
+        let [before, after] = [&start.configuration, &end.configuration];
+        let residual = self
+            .restorer
+            .restore(before, after, &mut middle.configuration);
         let limit = self.options.equation_tolerance;
-        if !ledger.judge(
-            Check::EquilibriumBetween,
-            residual,
-            limit,
-            location,
-            Subject::None,
-        ) {
+        let check = Check::EquilibriumBetween;
+        if !ledger.judge(check, residual, limit, location, Subject::None) {
             return pairs.to_vec();
         }
         self.statics
@@ -221,25 +215,90 @@ impl<'a> Motion<'a> {
             .place(&middle.configuration.positions, &mut middle.placement);
 
         let last = span.depth >= self.options.max_depth;
-        let continuous = self.continuous(span, start, middle, end, last, ledger);
-        let mut failed = Vec::new();
-        let mut open = Vec::new();
+        let continuous = self.continuous([start, middle, end], last, location, ledger);
+        let (mut failed, mut open) = (Vec::new(), Vec::new());
         for &pair in pairs {
-            let [c0, c1] = [start.clearances[pair], end.clearances[pair]];
-            let required = self.options.min_clearance;
-            if !(c0 >= required && c1 >= required) {
-                // Failed at a sample.
+            // What fails at a sample need not be proven to fail between samples.
+            if ![start, end]
+                .iter()
+                .all(|sample| sample.clearances[pair] >= required)
+            {
+                failed.push(pair);
+                continue;
+            }
+            let smallest = ledger.worst(Check::Clearance).unwrap_or(f64::INFINITY);
+            let reach = smallest.max(self.options.min_clearance) + 2.0 * travel;
+            let bound = bodies.bound(pair, &sample.placement);
+            if bound > reach {
+                sample.clearances.push(bound);
+                continue;
+            }
+            let clearance = bodies.clearance(pair, &sample.placement);
+            let (limit, subject) = (self.options.min_clearance, Subject::Pair(pair.bodies));
+            ledger.judge(Check::Clearance, clearance, limit, location, subject);
+            sample.clearances.push(clearance);
+        }
+    }
+
+    /// Judges the motion between two samples for some pairs; returns the pairs that fail.
+    fn span(
+        &mut self,
+        span: Span,
+        start: &Sample,
+        end: &Sample,
+        pairs: &[usize],
+        ledger: &mut Ledger,
+    ) -> Vec<usize> {
+        let mut middle = self.pool.pop().unwrap_or_else(Sample::empty);
+        let failed = self.span_with(span, start, &mut middle, end, pairs, ledger);
+        self.pool.push(middle);
+        failed
+    }
+
+    fn span_with(
+        &mut self,
+        span: Span,
+        start: &Sample,
+        middle: &mut Sample,
+        end: &Sample,
+        pairs: &[usize],
+        ledger: &mut Ledger,
+    ) -> Vec<usize> {
+        let (location, required) = (span.middle(), self.options.min_clearance);
+        ledger.statistics.midpoints += 1;
+        ledger.statistics.depth = ledger.statistics.depth.max(span.depth);
+        let [before, after] = [&start.configuration, &end.configuration];
+        let residual = self
+            .restorer
+            .restore(before, after, &mut middle.configuration);
+        let limit = self.options.equation_tolerance;
+        let check = Check::EquilibriumBetween;
+        if !ledger.judge(check, residual, limit, location, Subject::None) {
+            return pairs.to_vec();
+        }
+        self.statics
+            .judge_between(&middle.configuration, location, ledger);
+        self.bodies
+            .place(&middle.configuration.positions, &mut middle.placement);
+
+        let last = span.depth >= self.options.max_depth;
+        let continuous = self.continuous([start, middle, end], last, location, ledger);
+        let (mut failed, mut open) = (Vec::new(), Vec::new());
+        for &pair in pairs {
+            // What fails at a sample need not be proven to fail between samples.
+            if [start, end]
+                .iter()
+                .any(|sample| !(sample.clearances[pair] >= required))
+            {
                 failed.push(pair);
                 continue;
             }
             let smallest = ledger
                 .worst(Check::ClearanceBetween)
                 .unwrap_or(f64::INFINITY);
-            let proven = self.prove(pair, start, middle, end, required, smallest);
-            let subject = Subject::Pair(self.bodies.pairs[pair].bodies);
+            let proven = self.prove(pair, [start, middle, end], smallest);
             if proven >= required || last {
-                let check = Check::ClearanceBetween;
-                if !ledger.judge(check, proven, required, location, subject) {
+                if !self.enter(pair, proven, location, ledger) {
                     failed.push(pair);
                 }
             } else {
@@ -253,19 +312,13 @@ impl<'a> Motion<'a> {
         middle.clearances.clear();
         middle.clearances.resize(self.bodies.pairs.len(), f64::NAN);
         open.retain(|&pair| {
-            let pair_data = &self.bodies.pairs[pair];
-            let clearance = self.bodies.clearance(pair_data, &middle.placement);
+            let clearance = self
+                .bodies
+                .clearance(&self.bodies.pairs[pair], &middle.placement);
             middle.clearances[pair] = clearance;
-            let (required, subject) = (self.options.min_clearance, Subject::Pair(pair_data.bodies));
             let free = clearance >= required;
             if !free {
-                ledger.judge(
-                    Check::ClearanceBetween,
-                    clearance,
-                    required,
-                    location,
-                    subject,
-                );
+                self.enter(pair, clearance, location, ledger);
                 failed.push(pair);
             }
             free
@@ -281,14 +334,19 @@ impl<'a> Motion<'a> {
         failed
     }
 
+    /// Enters a clearance between samples; whether it suffices.
+    fn enter(&self, pair: usize, clearance: f64, location: Location, ledger: &mut Ledger) -> bool {
+        let subject = Subject::Pair(self.bodies.pairs[pair].bodies);
+        let limit = self.options.min_clearance;
+        ledger.judge(Check::ClearanceBetween, clearance, limit, location, subject)
+    }
+
     /// Whether halving brings the longer half well below the whole; judged at the end of halving.
     fn continuous(
         &self,
-        span: Span,
-        start: &Sample,
-        middle: &Sample,
-        end: &Sample,
+        [start, middle, end]: [&Sample; 3],
         last: bool,
+        location: Location,
         ledger: &mut Ledger,
     ) -> bool {
         let length =
@@ -304,7 +362,7 @@ impl<'a> Motion<'a> {
                 Check::Continuity,
                 ratio,
                 LONGER_HALF,
-                span.middle(),
+                location,
                 Subject::None,
             );
         }
@@ -313,33 +371,26 @@ impl<'a> Motion<'a> {
 
     /// The larger of the two lower bounds on the clearance of a pair during the motion. The second,
     /// which costs more, is left out where the first will do: it is neither below what is required
-    /// nor below the smallest clearance proven so far.
-    fn prove(
-        &self,
-        pair: usize,
-        start: &Sample,
-        middle: &Sample,
-        end: &Sample,
-        required: f64,
-        smallest: f64,
-    ) -> f64 {
-        let at = [&start.placement, &middle.placement, &end.placement];
+    /// nor below `smallest`, the smallest clearance proven so far.
+    fn prove(&self, pair: usize, samples: [&Sample; 3], smallest: f64) -> f64 {
+        let (required, factor) = (self.options.min_clearance, self.options.slack_factor);
+        let at = samples.map(|sample| &sample.placement);
         let data = &self.bodies.pairs[pair];
-        let [c0, c1] = [start.clearances[pair], end.clearances[pair]];
+        let [c0, c1] = [samples[0].clearances[pair], samples[2].clearances[pair]];
         let motion = self.bodies.relative_motion(data, at[0], at[2]);
-        let factor = self.options.slack_factor;
-        let bound = 0.5 * (c0 + c1 - motion) - factor * self.bodies.deviation(data, at);
+        let bound = 0.5 * (c0 + c1 - motion) - factor * self.bodies.straying(data, at);
         if bound >= required && bound >= smallest {
             return bound;
         }
         // A proof finds little more than it is asked for: ask for much first.
         let room = c0.min(c1).min(smallest) - required;
+        let ask = |share: &f64| {
+            self.bodies
+                .certificate(data, at, factor, required + share * room)
+        };
         PLANE_SHARES
             .iter()
-            .find_map(|share| {
-                self.bodies
-                    .certificate(data, at, factor, required + share * room)
-            })
+            .find_map(ask)
             .map_or(bound, |proven| proven.max(bound))
     }
 }

@@ -159,7 +159,8 @@ impl Series {
     /// wide on an axis of the given scale.
     pub fn histogram(label: impl Into<String>, values: &[f64], bins: usize, scale: Scale) -> Self {
         let bins = bins.max(1);
-        let (to, from): (fn(f64) -> f64, fn(f64) -> f64) = match scale {
+        type Map = fn(f64) -> f64;
+        let (to, from): (Map, Map) = match scale {
             Scale::Linear => (|value| value, |value| value),
             Scale::Logarithmic => (f64::ln, f64::exp),
         };

@@ -346,9 +346,11 @@ fn looks(structure: &Structure, lines: &[Line]) -> Vec<Look> {
         let all = lines.iter().filter(|other| of_kind(other)).count();
         let first = before(&of_kind) == 0;
         Look {
-            label: first
-                .then(|| format!("{} ({all})", plural(kind(line))))
-                .unwrap_or_default(),
+            label: if first {
+                format!("{} ({all})", plural(kind(line)))
+            } else {
+                String::new()
+            },
             color: match kind(line) {
                 ElementKind::Strut => 0,
                 ElementKind::Cable => 1,
