@@ -13,21 +13,14 @@
 //! | attachment | its shapes, placed by its three anchors |
 //! | obstacle | its shape |
 
-use std::collections::HashMap;
-
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use tensegra_collision::{
-    Aabb, Capsule, ShapeError, Solid, capsule_capsule, capsule_solid, capsule_solid_posed,
-    solid_solid,
+    Aabb, Capsule, Solid, capsule_capsule, capsule_solid, capsule_solid_posed, solid_solid,
     swept::{Certificate, swept_capsule_capsule, swept_capsule_solid},
 };
 use tensegra_model::{Attachment, Body, Element, ElementKind, Problem, Role, Shape, Structure};
 
 use crate::report::{Check, Ledger, Location};
-
-/// A motion with an inflection half-way shows no deviation there, but strays by a term of third
-/// order in the step; this share of the displacement covers it at steps of a twentieth of the size.
-const CROSSING: f64 = 1e-4;
 
 /// Which stretch of an element's axis a capsule covers.
 #[derive(Clone, Copy, Debug)]
@@ -115,36 +108,42 @@ pub(crate) struct Placement {
     boxes: Vec<Aabb>,
 }
 
-/// Where a part is: what the distance functions take. A solid without a pose is where its numbers
-/// say.
+/// Where a part is: what the distance functions take.
 enum Placed<'a> {
     Capsule(Capsule),
-    Solid(&'a Solid, Option<&'a Isometry3<f64>>),
+    Solid(&'a Solid, Isometry3<f64>),
 }
 
 impl<'a> Bodies<'a> {
     /// The bodies of all pairs; enters what is wrong with their shapes. Indices are valid.
     pub(crate) fn new(problem: &'a Problem, ledger: &mut Ledger) -> Self {
+        let structure = &problem.structure;
         let mut bodies = Self {
-            structure: &problem.structure,
+            structure,
             parts: Vec::new(),
             pairs: Vec::new(),
             controls: 0,
         };
-        let mut known: HashMap<Body, Vec<usize>> = HashMap::new();
+        let mut known: Vec<(Body, Vec<usize>)> = Vec::new();
+        let mut mend = |name: &str, fault: String| {
+            let message = format!("problem: shape of {name}: {fault}");
+            ledger.tell(Check::Input, Location::Whole, message);
+        };
         for &pair in &problem.environment.pairs {
-            for body in pair {
-                known
-                    .entry(body)
-                    .or_insert_with(|| bodies.add(problem, body, ledger));
-            }
-            for &a in &known[&pair[0]] {
-                for &b in &known[&pair[1]] {
+            let parts = pair.map(|body| {
+                if let Some((_, parts)) = known.iter().find(|(known, _)| *known == body) {
+                    return parts.clone();
+                }
+                let parts = bodies.add(problem, body, &mut mend);
+                known.push((body, parts.clone()));
+                parts
+            });
+            for &a in &parts[0] {
+                for &b in &parts[1] {
                     if bodies.parts[a].count + bodies.parts[b].count > 0 {
-                        let parts = [a, b];
                         bodies.pairs.push(PartPair {
                             bodies: pair,
-                            parts,
+                            parts: [a, b],
                         });
                     }
                 }
@@ -153,91 +152,97 @@ impl<'a> Bodies<'a> {
         bodies
     }
 
-    /// Adds the parts of a body that collide; enters those that are no shapes.
-    fn add(&mut self, problem: &Problem, body: Body, ledger: &mut Ledger) -> Vec<usize> {
-        let (name, parts): (_, Vec<Result<usize, String>>) = match body {
+    fn add(
+        &mut self,
+        problem: &Problem,
+        body: Body,
+        mend: &mut dyn FnMut(&str, String),
+    ) -> Vec<usize> {
+        let mut added = Vec::new();
+        match body {
             Body::Element(index) => {
                 let element = &problem.structure.elements[index];
-                if element.appearance.role == Role::Decoration {
-                    return Vec::new();
+                if element.appearance.role != Role::Decoration {
+                    for (stretch, radius) in stretches(element) {
+                        let nodes = element.nodes;
+                        let geometry = Geometry::Element {
+                            nodes,
+                            stretch,
+                            radius,
+                        };
+                        added.push(self.push(geometry, None, 2));
+                    }
                 }
-                let nodes = element.nodes;
-                let capsules = stretches(element).into_iter().map(|(stretch, radius)| {
-                    let geometry = Geometry::Element {
-                        nodes,
-                        stretch,
-                        radius,
-                    };
-                    Ok(self.push(geometry, None, 2))
-                });
-                (&element.name, capsules.collect())
             }
             Body::Attachment(index) => {
                 let attachment = &problem.structure.attachments[index];
-                let shapes = attachment
+                if frame(attachment.anchors.map(|anchor| anchor.local)).is_none() {
+                    mend(&attachment.name, "its anchors lie in one line".to_owned());
+                    return added;
+                }
+                for shape in attachment
                     .shapes
                     .iter()
-                    .filter(|s| s.role != Role::Decoration);
-                let parts = match frame(attachment.anchors.map(|anchor| anchor.local)) {
-                    Some(_) => shapes
-                        .map(|shape| self.attach(index, &shape.shape))
-                        .collect(),
-                    None => vec![Err("its anchors lie in one line".to_owned())],
-                };
-                (&attachment.name, parts)
+                    .filter(|s| s.role != Role::Decoration)
+                {
+                    let solid = match convert(&shape.shape) {
+                        Ok(Converted::Capsule(capsule)) => {
+                            let geometry = Geometry::AttachedCapsule {
+                                attachment: index,
+                                capsule,
+                            };
+                            added.push(self.push(geometry, None, 2));
+                            continue;
+                        }
+                        Ok(Converted::Solid(solid, hull)) => (solid, hull),
+                        Err(fault) => {
+                            mend(&attachment.name, fault);
+                            continue;
+                        }
+                    };
+                    let (solid, hull) = solid;
+                    let Aabb { min, max } = solid.aabb();
+                    if !(min.iter().chain(max.iter()).all(|x| x.is_finite())) {
+                        mend(
+                            &attachment.name,
+                            "it is unbounded and cannot be attached".to_owned(),
+                        );
+                        continue;
+                    }
+                    let corners = std::array::from_fn(|corner: usize| {
+                        let end = |axis: usize| {
+                            if corner >> axis & 1 == 0 {
+                                min[axis]
+                            } else {
+                                max[axis]
+                            }
+                        };
+                        Point3::new(end(0), end(1), end(2))
+                    });
+                    let geometry = Geometry::AttachedSolid {
+                        attachment: index,
+                        solid,
+                        corners,
+                    };
+                    added.push(self.push(geometry, hull, 8));
+                }
             }
             Body::Obstacle(index) => {
                 let obstacle = &problem.environment.obstacles[index];
-                if obstacle.role == Role::Decoration {
-                    return Vec::new();
+                if obstacle.role != Role::Decoration {
+                    match convert(&obstacle.shape) {
+                        Ok(Converted::Capsule(capsule)) => {
+                            added.push(self.push(Geometry::FixedCapsule(capsule), None, 0));
+                        }
+                        Ok(Converted::Solid(solid, hull)) => {
+                            added.push(self.push(Geometry::FixedSolid(solid), hull, 0));
+                        }
+                        Err(fault) => mend(&obstacle.name, fault),
+                    }
                 }
-                (&obstacle.name, vec![self.fix(&obstacle.shape)])
             }
-        };
-        let enter = |part: Result<usize, String>| {
-            part.map_err(|fault| {
-                let message = format!("problem: shape of {name}: {fault}");
-                ledger.tell(Check::Input, Location::Whole, message);
-            })
-            .ok()
-        };
-        parts.into_iter().filter_map(enter).collect()
-    }
-
-    /// Adds a shape of an attachment.
-    fn attach(&mut self, attachment: usize, shape: &Shape) -> Result<usize, String> {
-        let (solid, hull) = match convert(shape)? {
-            Converted::Capsule(capsule) => {
-                let geometry = Geometry::AttachedCapsule {
-                    attachment,
-                    capsule,
-                };
-                return Ok(self.push(geometry, None, 2));
-            }
-            Converted::Solid(solid, hull) => (solid, hull),
-        };
-        let Aabb { min, max } = solid.aabb();
-        if !min.iter().chain(max.iter()).all(|x| x.is_finite()) {
-            return Err("it is unbounded and cannot be attached".to_owned());
         }
-        let corners = std::array::from_fn(|corner| {
-            let end = |axis: usize| [min[axis], max[axis]][corner >> axis & 1];
-            Point3::new(end(0), end(1), end(2))
-        });
-        let geometry = Geometry::AttachedSolid {
-            attachment,
-            solid,
-            corners,
-        };
-        Ok(self.push(geometry, hull, 8))
-    }
-
-    /// Adds the shape of an obstacle.
-    fn fix(&mut self, shape: &Shape) -> Result<usize, String> {
-        Ok(match convert(shape)? {
-            Converted::Capsule(capsule) => self.push(Geometry::FixedCapsule(capsule), None, 0),
-            Converted::Solid(solid, hull) => self.push(Geometry::FixedSolid(solid), hull, 0),
-        })
+        added
     }
 
     fn push(&mut self, geometry: Geometry, hull: Option<Capsule>, count: usize) -> usize {
@@ -302,12 +307,12 @@ impl<'a> Bodies<'a> {
         }
     }
 
-    fn placed<'s>(&'s self, part: usize, at: &'s Placement) -> Placed<'s> {
+    fn placed<'s>(&'s self, part: usize, at: &Placement) -> Placed<'s> {
         match &self.parts[part].geometry {
-            Geometry::FixedSolid(solid) => Placed::Solid(solid, None),
+            Geometry::FixedSolid(solid) => Placed::Solid(solid, Isometry3::identity()),
             Geometry::AttachedSolid {
                 attachment, solid, ..
-            } => Placed::Solid(solid, Some(&at.poses[*attachment])),
+            } => Placed::Solid(solid, at.poses[*attachment]),
             Geometry::FixedCapsule(capsule) => Placed::Capsule(*capsule),
             Geometry::Element { radius, .. } => Placed::Capsule(self.capsule(part, at, *radius)),
             Geometry::AttachedCapsule { capsule, .. } => {
@@ -343,7 +348,7 @@ impl<'a> Bodies<'a> {
         let hull = self.parts[part].hull?;
         Some(at.map(|at| match self.placed(part, at) {
             Placed::Capsule(capsule) => capsule,
-            Placed::Solid(_, pose) => pose.map_or(hull, |pose| hull.transformed(pose)),
+            Placed::Solid(_, pose) => hull.transformed(&pose),
         }))
     }
 
@@ -355,16 +360,18 @@ impl<'a> Bodies<'a> {
     /// The clearance of a pair.
     pub(crate) fn clearance(&self, pair: &PartPair, at: &Placement) -> f64 {
         let [a, b] = pair.parts.map(|part| self.placed(part, at));
-        let identity = Isometry3::identity();
         let contact = match (&a, &b) {
             (Placed::Capsule(a), Placed::Capsule(b)) => capsule_capsule(a, b),
             (Placed::Capsule(capsule), Placed::Solid(solid, pose))
-            | (Placed::Solid(solid, pose), Placed::Capsule(capsule)) => match pose {
-                None => capsule_solid(capsule, solid),
-                Some(pose) => capsule_solid_posed(capsule, solid, pose),
-            },
-            (Placed::Solid(a, at_a), Placed::Solid(b, at_b)) => {
-                solid_solid(a, at_a.unwrap_or(&identity), b, at_b.unwrap_or(&identity))
+            | (Placed::Solid(solid, pose), Placed::Capsule(capsule)) => {
+                if *pose == Isometry3::identity() {
+                    capsule_solid(capsule, solid)
+                } else {
+                    capsule_solid_posed(capsule, solid, pose)
+                }
+            }
+            (Placed::Solid(a, pose_a), Placed::Solid(b, pose_b)) => {
+                solid_solid(a, pose_a, b, pose_b)
             }
         };
         contact.clearance
@@ -398,12 +405,12 @@ impl<'a> Bodies<'a> {
         largest.sqrt()
     }
 
-    /// How far the two parts of a pair stray from the straight motion, added: see [`straying`].
-    pub(crate) fn straying(&self, pair: &PartPair, [start, middle, end]: [&Placement; 3]) -> f64 {
+    /// How far the two parts of a pair are from half-way at `middle`, added.
+    pub(crate) fn deviation(&self, pair: &PartPair, [start, middle, end]: [&Placement; 3]) -> f64 {
         let of = |part: usize| {
             let Part { control, count, .. } = self.parts[part];
             let range = control..control + count;
-            straying(
+            deviation(
                 &start.controls[range.clone()],
                 &middle.controls[range.clone()],
                 &end.controls[range],
@@ -415,7 +422,7 @@ impl<'a> Bodies<'a> {
     /// A lower bound on the clearance of a pair during the motion from `start` to `end`, proven
     /// with separating planes along the straight motion; at least `required`, or `None`.
     ///
-    /// `factor` times what the parts stray is allowed for.
+    /// `factor` times the deviation of `middle` from half-way is allowed for.
     pub(crate) fn certificate(
         &self,
         pair: &PartPair,
@@ -426,7 +433,7 @@ impl<'a> Bodies<'a> {
         let [a, b] = pair.parts;
         let (outcome, slack) = match (self.capsules(a, at), self.capsules(b, at)) {
             (Some(a), Some(b)) => {
-                let slack = factor * (straying_capsule(&a) + straying_capsule(&b));
+                let slack = factor * (straying(&a) + straying(&b));
                 (
                     swept_capsule_capsule(&a[0], &a[2], &b[0], &b[2], required + slack),
                     slack,
@@ -468,7 +475,7 @@ impl<'a> Bodies<'a> {
             // Every other part is a capsule.
             _ => return (Certificate::Undecided, 0.0),
         };
-        let slack = factor * straying_capsule(&capsules);
+        let slack = factor * straying(&capsules);
         (
             swept_capsule_solid(&capsules[0], &capsules[2], solid, required + slack),
             slack,
@@ -476,30 +483,30 @@ impl<'a> Bodies<'a> {
     }
 }
 
-/// How far points stray from straight motion: the deviation from half-way at `middle`, and a small
-/// share of the displacement for motions that cross their chord there.
-fn straying(start: &[Point3<f64>], middle: &[Point3<f64>], end: &[Point3<f64>]) -> f64 {
-    let (mut deviation, mut displacement) = (0.0f64, 0.0f64);
-    for ((start, middle), end) in start.iter().zip(middle).zip(end) {
-        let half_way = nalgebra::center(start, end);
-        deviation = deviation.max((middle - half_way).norm_squared());
-        displacement = displacement.max((end - start).norm_squared());
-    }
-    deviation.sqrt() + CROSSING * displacement.sqrt()
+const ORIGIN: Capsule = Capsule {
+    a: Point3::new(0.0, 0.0, 0.0),
+    b: Point3::new(0.0, 0.0, 0.0),
+    radius: 0.0,
+};
+
+fn deviation(start: &[Point3<f64>], middle: &[Point3<f64>], end: &[Point3<f64>]) -> f64 {
+    let each = start.iter().zip(middle).zip(end);
+    each.map(|((start, middle), end)| (middle - nalgebra::center(start, end)).norm_squared())
+        .fold(0.0, f64::max)
+        .sqrt()
 }
 
-fn straying_capsule([start, middle, end]: &[Capsule; 3]) -> f64 {
-    straying(&[start.a, start.b], &[middle.a, middle.b], &[end.a, end.b])
+fn straying([start, middle, end]: &[Capsule; 3]) -> f64 {
+    deviation(&[start.a, start.b], &[middle.a, middle.b], &[end.a, end.b])
 }
 
-/// A box around points, loosened by a margin. There is always a point.
 fn bounds(points: &[Point3<f64>], margin: f64) -> Aabb {
-    let (min, max) = (
-        Point3::from([f64::INFINITY; 3]),
-        Point3::from([f64::NEG_INFINITY; 3]),
-    );
-    let empty = Aabb { min, max };
-    Aabb::of_points(points).unwrap_or(empty).loosened(margin)
+    Aabb::of_points(points)
+        .unwrap_or(Aabb {
+            min: ORIGIN.a,
+            max: ORIGIN.a,
+        })
+        .loosened(margin)
 }
 
 fn stretches(element: &Element) -> Vec<(Stretch, f64)> {
@@ -531,35 +538,33 @@ enum Converted {
 }
 
 fn convert(shape: &Shape) -> Result<Converted, String> {
-    let fault = |fault: ShapeError| fault.to_string();
-    let (solid, hull) = match shape {
-        Shape::Sphere { center, radius } => {
-            let capsule = Capsule::new(*center, *center, *radius).map_err(fault)?;
-            return Ok(Converted::Capsule(capsule));
-        }
+    let solid = |solid: Result<Solid, _>| {
+        solid
+            .map(|solid| Converted::Solid(Box::new(solid), None))
+            .map_err(|fault: tensegra_collision::ShapeError| fault.to_string())
+    };
+    match shape {
+        Shape::Sphere { center, radius } => Capsule::new(*center, *center, *radius)
+            .map(Converted::Capsule)
+            .map_err(|fault| fault.to_string()),
+        Shape::Box { min, max } => solid(Solid::cuboid(*min, *max)),
         Shape::Cylinder { p, q, radius } => {
+            let fault = |fault: tensegra_collision::ShapeError| fault.to_string();
             let hull = Capsule::new(*p, *q, *radius).map_err(fault)?;
-            (Solid::cylinder(*p, *q, *radius).map_err(fault)?, Some(hull))
+            let solid = Solid::cylinder(*p, *q, *radius).map_err(fault)?;
+            Ok(Converted::Solid(Box::new(solid), Some(hull)))
         }
-        Shape::Box { min, max } => (Solid::cuboid(*min, *max).map_err(fault)?, None),
         Shape::Prism {
-            corners: [p, q, r],
+            corners: [p0, p1, p2],
             height,
-        } => (
-            Solid::triangular_prism(*p, *q, *r, *height).map_err(fault)?,
-            None,
-        ),
-        Shape::HalfSpace { point, normal } => {
-            (Solid::half_space(*point, *normal).map_err(fault)?, None)
-        }
+        } => solid(Solid::triangular_prism(*p0, *p1, *p2, *height)),
+        Shape::HalfSpace { point, normal } => solid(Solid::half_space(*point, *normal)),
         Shape::Mesh {
             vertices, faces, ..
-        } => (
-            Solid::mesh(vertices, faces).map_err(|fault| fault.to_string())?,
-            None,
-        ),
-    };
-    Ok(Converted::Solid(Box::new(solid), hull))
+        } => Solid::mesh(vertices, faces)
+            .map(|solid| Converted::Solid(Box::new(solid), None))
+            .map_err(|fault| fault.to_string()),
+    }
 }
 
 /// Orthonormal axes of a triangle: along its first side, in its plane, normal to it.

@@ -13,8 +13,8 @@
 //! # The motion between samples
 //! Two neighbouring samples define it: node coordinates and forces interpolated linearly, with
 //! equilibrium restored by steps of least norm. Clearance on it is proven by a bound on how far
-//! points move and by separating planes, halving the interval where they do not suffice. Both rest
-//! on one stated assumption: the motion strays from the straight one by no more than a multiple
+//! points move and by separating planes; both rest on the assumption, checked at every halving,
+//! that the motion strays from the straight one by no more than a stated multiple
 //! ([`CheckOptions::slack_factor`]) of what is measured half-way.
 //!
 //! # Invariants

@@ -4,7 +4,7 @@
 //! and forces interpolated linearly, and equilibrium restored ([`crate::restore`]). For each
 //! interval the equilibrium half-way is solved for, and every part of a body is taken to stray from
 //! the straight motion of its control points by at most σ, a stated multiple of the deviation found
-//! half-way (and a little more, [`crate::bodies`]). Then, for each pair of parts,
+//! half-way. Then, for each pair of parts,
 //!
 //! 1. with clearances c₀, c₁ at the ends and D the largest motion of any point of one part relative
 //!    to any point of the other, the clearance is never below (c₀ + c₁ − D) / 2 − σ: at the share t
@@ -197,16 +197,22 @@ impl<'a> Motion<'a> {
         pairs: &[usize],
         ledger: &mut Ledger,
     ) -> Vec<usize> {
-        let (location, required) = (span.middle(), self.options.min_clearance);
+        let location = span.middle();
+        let residual = self.restorer.restore(
+            &start.configuration,
+            &end.configuration,
+            &mut middle.configuration,
+        );
         ledger.statistics.midpoints += 1;
         ledger.statistics.depth = ledger.statistics.depth.max(span.depth);
-        let [before, after] = [&start.configuration, &end.configuration];
-        let residual = self
-            .restorer
-            .restore(before, after, &mut middle.configuration);
         let limit = self.options.equation_tolerance;
-        let check = Check::EquilibriumBetween;
-        if !ledger.judge(check, residual, limit, location, Subject::None) {
+        if !ledger.judge(
+            Check::EquilibriumBetween,
+            residual,
+            limit,
+            location,
+            Subject::None,
+        ) {
             return pairs.to_vec();
         }
         self.statics
@@ -215,90 +221,25 @@ impl<'a> Motion<'a> {
             .place(&middle.configuration.positions, &mut middle.placement);
 
         let last = span.depth >= self.options.max_depth;
-        let continuous = self.continuous([start, middle, end], last, location, ledger);
-        let (mut failed, mut open) = (Vec::new(), Vec::new());
+        let continuous = self.continuous(span, start, middle, end, last, ledger);
+        let mut failed = Vec::new();
+        let mut open = Vec::new();
         for &pair in pairs {
-            // What fails at a sample need not be proven to fail between samples.
-            if ![start, end]
-                .iter()
-                .all(|sample| sample.clearances[pair] >= required)
-            {
-                failed.push(pair);
-                continue;
-            }
-            let smallest = ledger.worst(Check::Clearance).unwrap_or(f64::INFINITY);
-            let reach = smallest.max(self.options.min_clearance) + 2.0 * travel;
-            let bound = bodies.bound(pair, &sample.placement);
-            if bound > reach {
-                sample.clearances.push(bound);
-                continue;
-            }
-            let clearance = bodies.clearance(pair, &sample.placement);
-            let (limit, subject) = (self.options.min_clearance, Subject::Pair(pair.bodies));
-            ledger.judge(Check::Clearance, clearance, limit, location, subject);
-            sample.clearances.push(clearance);
-        }
-    }
-
-    /// Judges the motion between two samples for some pairs; returns the pairs that fail.
-    fn span(
-        &mut self,
-        span: Span,
-        start: &Sample,
-        end: &Sample,
-        pairs: &[usize],
-        ledger: &mut Ledger,
-    ) -> Vec<usize> {
-        let mut middle = self.pool.pop().unwrap_or_else(Sample::empty);
-        let failed = self.span_with(span, start, &mut middle, end, pairs, ledger);
-        self.pool.push(middle);
-        failed
-    }
-
-    fn span_with(
-        &mut self,
-        span: Span,
-        start: &Sample,
-        middle: &mut Sample,
-        end: &Sample,
-        pairs: &[usize],
-        ledger: &mut Ledger,
-    ) -> Vec<usize> {
-        let (location, required) = (span.middle(), self.options.min_clearance);
-        ledger.statistics.midpoints += 1;
-        ledger.statistics.depth = ledger.statistics.depth.max(span.depth);
-        let [before, after] = [&start.configuration, &end.configuration];
-        let residual = self
-            .restorer
-            .restore(before, after, &mut middle.configuration);
-        let limit = self.options.equation_tolerance;
-        let check = Check::EquilibriumBetween;
-        if !ledger.judge(check, residual, limit, location, Subject::None) {
-            return pairs.to_vec();
-        }
-        self.statics
-            .judge_between(&middle.configuration, location, ledger);
-        self.bodies
-            .place(&middle.configuration.positions, &mut middle.placement);
-
-        let last = span.depth >= self.options.max_depth;
-        let continuous = self.continuous([start, middle, end], last, location, ledger);
-        let (mut failed, mut open) = (Vec::new(), Vec::new());
-        for &pair in pairs {
-            // What fails at a sample need not be proven to fail between samples.
-            if [start, end]
-                .iter()
-                .any(|sample| !(sample.clearances[pair] >= required))
-            {
+            let [c0, c1] = [start.clearances[pair], end.clearances[pair]];
+            let required = self.options.min_clearance;
+            if !(c0 >= required && c1 >= required) {
+                // Failed at a sample.
                 failed.push(pair);
                 continue;
             }
             let smallest = ledger
                 .worst(Check::ClearanceBetween)
                 .unwrap_or(f64::INFINITY);
-            let proven = self.prove(pair, [start, middle, end], smallest);
+            let proven = self.prove(pair, start, middle, end, required, smallest);
+            let subject = Subject::Pair(self.bodies.pairs[pair].bodies);
             if proven >= required || last {
-                if !self.enter(pair, proven, location, ledger) {
+                let check = Check::ClearanceBetween;
+                if !ledger.judge(check, proven, required, location, subject) {
                     failed.push(pair);
                 }
             } else {
@@ -312,13 +253,19 @@ impl<'a> Motion<'a> {
         middle.clearances.clear();
         middle.clearances.resize(self.bodies.pairs.len(), f64::NAN);
         open.retain(|&pair| {
-            let clearance = self
-                .bodies
-                .clearance(&self.bodies.pairs[pair], &middle.placement);
+            let pair_data = &self.bodies.pairs[pair];
+            let clearance = self.bodies.clearance(pair_data, &middle.placement);
             middle.clearances[pair] = clearance;
+            let (required, subject) = (self.options.min_clearance, Subject::Pair(pair_data.bodies));
             let free = clearance >= required;
             if !free {
-                self.enter(pair, clearance, location, ledger);
+                ledger.judge(
+                    Check::ClearanceBetween,
+                    clearance,
+                    required,
+                    location,
+                    subject,
+                );
                 failed.push(pair);
             }
             free
@@ -334,19 +281,14 @@ impl<'a> Motion<'a> {
         failed
     }
 
-    /// Enters a clearance between samples; whether it suffices.
-    fn enter(&self, pair: usize, clearance: f64, location: Location, ledger: &mut Ledger) -> bool {
-        let subject = Subject::Pair(self.bodies.pairs[pair].bodies);
-        let limit = self.options.min_clearance;
-        ledger.judge(Check::ClearanceBetween, clearance, limit, location, subject)
-    }
-
     /// Whether halving brings the longer half well below the whole; judged at the end of halving.
     fn continuous(
         &self,
-        [start, middle, end]: [&Sample; 3],
+        span: Span,
+        start: &Sample,
+        middle: &Sample,
+        end: &Sample,
         last: bool,
-        location: Location,
         ledger: &mut Ledger,
     ) -> bool {
         let length =
@@ -362,7 +304,7 @@ impl<'a> Motion<'a> {
                 Check::Continuity,
                 ratio,
                 LONGER_HALF,
-                location,
+                span.middle(),
                 Subject::None,
             );
         }
@@ -371,26 +313,33 @@ impl<'a> Motion<'a> {
 
     /// The larger of the two lower bounds on the clearance of a pair during the motion. The second,
     /// which costs more, is left out where the first will do: it is neither below what is required
-    /// nor below `smallest`, the smallest clearance proven so far.
-    fn prove(&self, pair: usize, samples: [&Sample; 3], smallest: f64) -> f64 {
-        let (required, factor) = (self.options.min_clearance, self.options.slack_factor);
-        let at = samples.map(|sample| &sample.placement);
+    /// nor below the smallest clearance proven so far.
+    fn prove(
+        &self,
+        pair: usize,
+        start: &Sample,
+        middle: &Sample,
+        end: &Sample,
+        required: f64,
+        smallest: f64,
+    ) -> f64 {
+        let at = [&start.placement, &middle.placement, &end.placement];
         let data = &self.bodies.pairs[pair];
-        let [c0, c1] = [samples[0].clearances[pair], samples[2].clearances[pair]];
+        let [c0, c1] = [start.clearances[pair], end.clearances[pair]];
         let motion = self.bodies.relative_motion(data, at[0], at[2]);
-        let bound = 0.5 * (c0 + c1 - motion) - factor * self.bodies.straying(data, at);
+        let factor = self.options.slack_factor;
+        let bound = 0.5 * (c0 + c1 - motion) - factor * self.bodies.deviation(data, at);
         if bound >= required && bound >= smallest {
             return bound;
         }
         // A proof finds little more than it is asked for: ask for much first.
         let room = c0.min(c1).min(smallest) - required;
-        let ask = |share: &f64| {
-            self.bodies
-                .certificate(data, at, factor, required + share * room)
-        };
         PLANE_SHARES
             .iter()
-            .find_map(ask)
+            .find_map(|share| {
+                self.bodies
+                    .certificate(data, at, factor, required + share * room)
+            })
             .map_or(bound, |proven| proven.max(bound))
     }
 }
