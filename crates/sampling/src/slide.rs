@@ -132,11 +132,11 @@ mod tests {
     #[test]
     fn projects_onto_a_corner() {
         let mut nearest = NearestStep::new(2);
-        nearest.set(Constraint::Lower(0), &[1.0, 0.0], -0.1);
+        nearest.set(Constraint::Lower(0), &[1.0, 0.0], 0.1);
         nearest.set(Constraint::Lower(1), &[0.6, 0.8], 0.2);
         let mut step = [-1.0, -1.0];
         nearest.solve(&mut step);
-        assert!((step[0] + 0.1).abs() < 1e-6);
+        assert!((step[0] - 0.1).abs() < 1e-6);
         assert!((0.6 * step[0] + 0.8 * step[1] - 0.2).abs() < 1e-6);
         let mut free = [1.0, 1.0];
         nearest.solve(&mut free);
