@@ -394,13 +394,25 @@ mod tests {
             assert!((back[0] - t[0]).abs() < 1e-13 && (back[1] - t[1]).abs() < 1e-13);
         }
         assert!(
-            work.newton_iterations > 0,
-            "the last point needs the fallback"
-        );
-        assert!(
             chart
                 .exp(&sphere, &[0.9, 0.9], &mut x, 1e-13, &mut work)
                 .is_err()
         );
+    }
+
+    #[test]
+    fn newton_reaches_the_point_that_chord_iterations_reach() {
+        let sphere = Sphere::new();
+        let mut work = Workspace::default();
+        let chart = Chart::new(&sphere, &[0.0, 0.0, 1.0], 2, &mut work).unwrap();
+        let mut x = [0.0; 3];
+        for t in [[0.1, 0.2], [0.0, 0.98]] {
+            chart.tangent_point(&t, &mut x);
+            work.residual.resize(1, 0.0);
+            chart.newton(&sphere, &mut x, 1e-13, &mut work).unwrap();
+            let height = (1.0 - t[0] * t[0] - t[1] * t[1]).sqrt();
+            assert!((x[2] - height).abs() < 1e-11, "{t:?}");
+        }
+        assert!(work.newton_iterations > 0 && work.chord_iterations == 0);
     }
 }

@@ -727,3 +727,10 @@ fn bad_options_are_named() {
         "feasibility_tolerance"
     );
 }
+
+#[test]
+fn solvers_can_move_between_threads() {
+    fn is_send<T: Send>() {}
+    is_send::<DenseSqp>();
+    is_send::<SparseSqp>();
+}

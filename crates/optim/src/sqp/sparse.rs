@@ -263,6 +263,9 @@ impl Backend for InteriorPoint {
             if complete {
                 break;
             }
+            // The order that the selection has, so that the structure can be recognised.
+            self.inequalities
+                .sort_unstable_by_key(|i| (i.row, i.side == RowSide::Upper));
         }
         for (active, multiplier) in self.was_active.iter_mut().zip(multipliers.iter()) {
             *active = multiplier.abs() > 1e-6 * subproblem.penalty;
