@@ -377,7 +377,7 @@ impl<'a> Simulation<'a> {
         self.error_sum += error * dt;
         self.error_time += dt;
         self.largest_error = self.largest_error.max(error);
-        if step % RECORD_EVERY == 0 {
+        if step.is_multiple_of(RECORD_EVERY) {
             self.errors.push((time, error));
         }
     }

@@ -100,8 +100,8 @@ pub use rigidity_index::{IndexScale, RigiditySpectrum, worst_case_rigidity_index
 pub use robot::{ConfigurationExtremes, Robot, RobotError};
 pub use support::{Roll, SideLine, Support, SupportError};
 pub use two_tier::{
-    Cell, GridGoal, GridSearch, PrimitiveLibrary, TriangularGrid, TwoTierError, TwoTierPlanner,
-    TwoTierWalk, search_grid,
+    Cell, GridGoal, GridSearch, LibraryAttempts, PrimitiveLibrary, TriangularGrid, TwoTierError,
+    TwoTierPlanner, TwoTierWalk, search_grid,
 };
 pub use walk::{
     Margins, Visit, WALK_FORMAT, WALK_VERSION, Walk, WalkConfiguration, WalkContext, WalkFileError,

@@ -655,8 +655,14 @@ impl<'a> GreedyPlanner<'a> {
         target: Vector3<f64>,
         objective: GreedyObjective,
     ) -> Result<(), Vec<Constraint>> {
-        self.problem
-            .prepare(&state.coordinates, &state.support, target, objective, &[]);
+        let walls = self.walls(state);
+        self.problem.prepare(
+            &state.coordinates,
+            &state.support,
+            target,
+            objective,
+            &walls,
+        );
         self.problem.first_guess(&mut self.x);
         self.optimisations += 1;
         // The problem is well-formed and finite at the start, which is a valid configuration.

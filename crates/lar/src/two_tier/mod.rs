@@ -31,6 +31,9 @@ pub struct PrimitiveLibrary {
     primitives: BTreeMap<Vec<bool>, Primitive>,
 }
 
+/// For each sequence of turns of a library, how its optimisation went.
+pub type LibraryAttempts = Vec<(Vec<Turn>, PrimitiveAttempt)>;
+
 /// A sequence of turns as a key: whether each differs from the first.
 fn key(turns: &[Turn]) -> Vec<bool> {
     turns.iter().map(|turn| *turn != turns[0]).collect()
@@ -54,7 +57,7 @@ impl PrimitiveLibrary {
         mut self,
         rolls: usize,
         options: &PrimitiveOptions,
-    ) -> Result<(Self, Vec<(Vec<Turn>, PrimitiveAttempt)>), PrimitiveError> {
+    ) -> Result<(Self, LibraryAttempts), PrimitiveError> {
         let mut attempts = Vec::new();
         let one_roll = self.one_roll().clone();
         for count in 2..=rolls {
