@@ -18,6 +18,7 @@
 pub use tensegra_atlas as atlas;
 pub use tensegra_check as check;
 pub use tensegra_collision as collision;
+pub use tensegra_formfinding as formfinding;
 pub use tensegra_io as io;
 pub use tensegra_model as model;
 pub use tensegra_sampling as sampling;
