@@ -42,7 +42,7 @@ mod restore;
 mod stability;
 mod statics;
 
-use tensegra_model::{Configuration, Element, ElementKind, Path, Problem, Structure};
+use tensegra_model::{Configuration, Path, Problem};
 
 use bodies::Bodies;
 use motion::Motion;
@@ -115,7 +115,7 @@ fn judge_into(
         .zip(&usable)
         .find_map(|(c, &usable)| usable.then_some(c));
     let Some(first) = first else { return };
-    let size = size(structure, first);
+    let size = structure.size(&first.positions);
     let mut statics = Statics::new(problem, options, size);
     let last = configurations.len() - 1;
     let mut stability = Stability::new(structure);
@@ -145,27 +145,6 @@ fn judge_into(
     let displacements = displacements(problem, path, &usable, options, size, ledger);
     let bodies = Bodies::new(problem, ledger);
     Motion::new(&statics, &bodies).judge(path, &usable, &displacements, ledger);
-}
-
-/// What lengths are measured against: the longest strut, bar or prismatic strut of a configuration,
-/// or else its longest element.
-fn size(structure: &Structure, configuration: &Configuration) -> f64 {
-    let longest = |among: &dyn Fn(&Element) -> bool| {
-        let lengths = structure.elements.iter().zip(&configuration.lengths);
-        lengths
-            .filter(|(element, _)| among(element))
-            .fold(0.0, |most: f64, (_, length)| most.max(length.abs()))
-    };
-    let struts = longest(&|element| {
-        use ElementKind::{Bar, Prismatic, Strut};
-        matches!(element.kind, Strut | Bar | Prismatic)
-    });
-    let any = longest(&|_| true);
-    match (struts > 0.0, any > 0.0) {
-        (true, _) => struts,
-        (false, true) => any,
-        (false, false) => 1.0,
-    }
 }
 
 /// Judges the steps; returns the largest displacement of a node in each, 0 where it is unknown.

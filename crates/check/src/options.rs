@@ -4,9 +4,9 @@ use thiserror::Error;
 
 /// Tolerances and limits of the judge.
 ///
-/// Every tolerance is relative: lengths are measured against the size of the structure (its longest
-/// strut, bar or prismatic strut in the first configuration, or else its longest element), forces
-/// against the largest force or load of the configuration concerned.
+/// Every tolerance is relative: lengths are measured against the size of the structure
+/// ([`tensegra_model::Structure::size`] at the first configuration), forces against the largest
+/// force or load of the configuration concerned.
 ///
 /// ```
 /// use tensegra_check::CheckOptions;

@@ -287,4 +287,30 @@ impl Structure {
             .iter()
             .position(|element| element.name == name)
     }
+
+    /// The structure's size: the length that distances are measured against. It is the mean length
+    /// of the struts, bars and prismatic struts that carry a force, or of all elements where there
+    /// are none of these; lengths that are not constant are taken at `positions`.
+    ///
+    /// Planners bound the displacement of nodes in a step by the step of their settings times this
+    /// size, and so does whoever judges their paths, at the first configuration.
+    pub fn size(&self, positions: &[Point3<f64>]) -> f64 {
+        let mean = |among: &dyn Fn(&Element) -> bool| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for element in self.elements.iter().filter(|element| among(element)) {
+                let [a, b] = element.nodes;
+                sum += if element.has_constant_length() {
+                    element.length.lo
+                } else {
+                    (positions[b] - positions[a]).norm()
+                };
+                count += 1.0;
+            }
+            Some(sum / count).filter(|mean: &f64| *mean > 0.0)
+        };
+        use ElementKind::{Bar, Prismatic, Strut};
+        mean(&|e| e.carries_force() && matches!(e.kind, Strut | Bar | Prismatic))
+            .or_else(|| mean(&|_| true))
+            .unwrap_or(1.0)
+    }
 }

@@ -122,7 +122,7 @@ pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
     };
     let stated_start = stated("start", &problem.start)?;
     let stated_goal = stated("goal", &problem.goal)?;
-    let size = NodesManifold::new(structure, &stated_start.positions)?.size();
+    let size = structure.size(&stated_start.positions);
     let manifold = equilibrium_manifold(structure, settings.formulation, &stated_start)?;
     let start = refine(manifold.as_ref(), "start", &stated_start, size)?;
     let goal = refine(manifold.as_ref(), "goal", &stated_goal, size)?;

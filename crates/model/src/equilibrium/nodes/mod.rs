@@ -1,0 +1,524 @@
+//! The `nodes` formulation: node coordinates and force densities.
+//!
+//! Unknowns are the node coordinates that no linear condition determines
+//! (gauge, planarity, directions coupled between elements of constant length)
+//! and the force densities q = f / l of elements whose force does not follow
+//! from their length. Everything with a closed form is eliminated: lengths are
+//! distances, rest lengths are r = l − f/k, a spring has q = k (1 − r/l), and
+//! elements of one force share one unknown.
+//!
+//! Equations: force balance Σ q (p_b − p_a) + load = 0 at every balanced node,
+//! |p_a − p_b|² = L² for every element of constant length, the pretension
+//! Σ (q l)² = P², and those couplings that are not linear. Ranges of lengths,
+//! rest lengths and forces are bounds of an unknown where they can be, and
+//! limits otherwise.
+//!
+//! Unknowns are scaled by the structure's size and by its forces, so that
+//! distances mean the same for a structure of any size and any pretension.
+//! Residual and limits cost O(elements).
+
+mod builder;
+mod jacobian;
+
+use std::cell::RefCell;
+
+use nalgebra::{Point3, Vector3};
+use tensegra_atlas::{ImplicitManifold, SparseRow, SparsityPattern};
+
+use super::{EquilibriumError, EquilibriumManifold, affine::AffineMap};
+use crate::{
+    configuration::Configuration,
+    structure::{ForceLaw, Structure},
+};
+use builder::Builder;
+use jacobian::Atom;
+
+/// How the force density of a link is known.
+#[derive(Clone, Copy, Debug)]
+enum Density {
+    /// The link carries no force.
+    None,
+    /// q is constant: a spring of rest length zero.
+    Constant(f64),
+    /// q is an unknown, at this row of the map of densities.
+    Unknown(usize),
+    /// q = k (1 − r / l).
+    Spring { stiffness: f64, rest: f64 },
+}
+
+/// A pair of nodes whose distance matters: an element, or two anchors of an
+/// attachment.
+#[derive(Clone, Debug)]
+struct Link {
+    nodes: [usize; 2],
+    density: Density,
+}
+/// A residual that is not force balance.
+#[derive(Clone, Debug)]
+enum Equation {
+    /// (|d|² − L²) / (2 L size).
+    Length { link: usize, length: f64 },
+    /// (Σ f² − P²) / (2 P²).
+    Pretension { links: Vec<usize>, norm: f64 },
+    /// (l_a − s l_b) / size.
+    EqualLengths { links: [usize; 2], scale: f64 },
+    /// (r_a − s r_b) / size, with the stiffnesses.
+    EqualRests {
+        links: [usize; 2],
+        stiffness: [f64; 2],
+        scale: f64,
+    },
+    /// (f_a − s f_b) / force.
+    EqualForces { links: [usize; 2], scale: f64 },
+    /// Component `axis` of d_a / l_a − R d_b / l_b.
+    EqualDirections {
+        links: [usize; 2],
+        rotation: Vector3<f64>,
+        axis: usize,
+    },
+}
+
+/// A range of a derived quantity, one end of it.
+#[derive(Clone, Copy, Debug)]
+struct Limit {
+    link: usize,
+    quantity: Quantity,
+    bound: f64,
+    /// +1 for a lower end, −1 for an upper one.
+    sign: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Quantity {
+    Length,
+    Rest { stiffness: f64 },
+    Force,
+}
+
+/// State of one link at a point.
+#[derive(Clone, Copy, Debug, Default)]
+struct LinkState {
+    d: [f64; 3],
+    length: f64,
+    density: f64,
+    /// (dq/dl) / l.
+    slope: f64,
+}
+
+#[derive(Default)]
+struct Scratch {
+    positions: Vec<[f64; 3]>,
+    links: Vec<LinkState>,
+    atoms: Vec<f64>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+/// The equilibrium manifold in node coordinates and force densities.
+#[derive(Clone, Debug)]
+pub struct NodesManifold {
+    structure: Structure,
+    size: f64,
+    force: f64,
+    /// Weight of a force relative to a coordinate.
+    force_weight: f64,
+    variables: usize,
+    raw_variables: usize,
+    raw_equations: usize,
+    coordinates: AffineMap,
+    densities: AffineMap,
+    links: Vec<Link>,
+    loads: Vec<[f64; 3]>,
+    /// Equation of each node and axis; `usize::MAX` where there is none.
+    balance: Vec<[usize; 3]>,
+    balance_count: usize,
+    equations: Vec<Equation>,
+    limits: Vec<Limit>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    names: Vec<String>,
+    /// What each unknown is: a coordinate 3 node + axis, or a link's density.
+    origins: Vec<Origin>,
+    pattern: SparsityPattern,
+    atoms: Vec<(usize, Atom)>,
+    term_starts: Vec<usize>,
+    terms: Vec<(u32, f64)>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Origin {
+    Coordinate(usize),
+    Density(usize),
+}
+
+impl NodesManifold {
+    /// The equilibrium manifold of a structure. `reference` holds a typical
+    /// position of every node (the start, say): it sets the scales.
+    ///
+    /// # Errors
+    /// [`EquilibriumError`] when fixed coordinates and couplings contradict
+    /// each other.
+    pub fn new(structure: &Structure, reference: &[Point3<f64>]) -> Result<Self, EquilibriumError> {
+        Builder::new(structure, reference).build()
+    }
+
+    /// Length of the structure that counts as one unit of distance:
+    /// [`Structure::size`] at the reference.
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
+    /// Number of variables before elimination: all coordinates, and a force
+    /// density for each element whose force does not follow from its length.
+    pub fn raw_variable_count(&self) -> usize {
+        self.raw_variables
+    }
+
+    /// Number of equations before elimination: the linear conditions on these
+    /// variables (planarity, gauge, couplings), and the equations that remain.
+    pub fn raw_equation_count(&self) -> usize {
+        self.raw_equations
+    }
+
+    fn evaluate_links(&self, x: &[f64], scratch: &mut Scratch) {
+        let Scratch {
+            positions, links, ..
+        } = scratch;
+        positions.resize(self.structure.nodes.len(), [0.0; 3]);
+        self.coordinates.values(x, positions.as_flattened_mut());
+        links.clear();
+        for (i, link) in self.links.iter().enumerate() {
+            let [a, b] = link.nodes;
+            let (pa, pb) = (&positions[a], &positions[b]);
+            let d = [pb[0] - pa[0], pb[1] - pa[1], pb[2] - pa[2]];
+            links.push(self.link_state(i, d, x));
+        }
+    }
+
+    /// The state of one link: what [`Self::evaluate_links`] does for all.
+    fn evaluate_link(&self, link: usize, x: &[f64]) -> LinkState {
+        let [a, b] = self.links[link].nodes;
+        let d = [0, 1, 2].map(|axis| {
+            self.coordinates.value(3 * b + axis, x) - self.coordinates.value(3 * a + axis, x)
+        });
+        self.link_state(link, d, x)
+    }
+
+    #[inline]
+    fn link_state(&self, link: usize, d: [f64; 3], x: &[f64]) -> LinkState {
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        let (density, slope) = match self.links[link].density {
+            Density::None => (0.0, 0.0),
+            Density::Constant(q) => (q, 0.0),
+            Density::Unknown(row) => (self.densities.value(row, x), 0.0),
+            Density::Spring { stiffness, rest } => {
+                let length = length.max(1e-9 * self.size);
+                (
+                    stiffness * (1.0 - rest / length),
+                    stiffness * rest / length.powi(3),
+                )
+            }
+        };
+        LinkState {
+            d,
+            length,
+            density,
+            slope,
+        }
+    }
+
+    fn evaluate_limit(&self, limit: &Limit, link: &LinkState) -> f64 {
+        let value = match limit.quantity {
+            Quantity::Length => (link.length - limit.bound) / self.size,
+            Quantity::Rest { stiffness } => {
+                (link.length * (1.0 - link.density / stiffness) - limit.bound) / self.size
+            }
+            Quantity::Force => {
+                (link.density * link.length - limit.bound) * self.force_weight / self.force
+            }
+        };
+        limit.sign * value
+    }
+
+    /// Adds the gradient of a function of one link, given its derivatives with
+    /// respect to d (times one) and q.
+    fn add_link_gradient(&self, link: usize, by_d: [f64; 3], by_q: f64, row: &mut SparseRow) {
+        let [a, b] = self.links[link].nodes;
+        for (axis, &g) in by_d.iter().enumerate() {
+            if g != 0.0 {
+                for &(j, c) in self.coordinates.row(3 * b + axis) {
+                    row.add(j, g * c);
+                }
+                for &(j, c) in self.coordinates.row(3 * a + axis) {
+                    row.add(j, -g * c);
+                }
+            }
+        }
+        if let Density::Unknown(q) = self.links[link].density {
+            for &(j, c) in self.densities.row(q) {
+                row.add(j, by_q * c);
+            }
+        }
+    }
+}
+
+impl ImplicitManifold for NodesManifold {
+    fn ambient_dimension(&self) -> usize {
+        self.variables
+    }
+
+    fn equation_count(&self) -> usize {
+        self.balance_count + self.equations.len()
+    }
+
+    fn residual(&self, x: &[f64], residual: &mut [f64]) {
+        SCRATCH.with_borrow_mut(|scratch| {
+            self.evaluate_links(x, scratch);
+            let (balance, others) = residual.split_at_mut(self.balance_count);
+            for (rows, load) in self.balance.iter().zip(&self.loads) {
+                for (&row, &load) in rows.iter().zip(load) {
+                    if row != usize::MAX {
+                        balance[row] = load / self.force;
+                    }
+                }
+            }
+            let unit = 1.0 / self.force;
+            for (link, state) in self.links.iter().zip(&scratch.links) {
+                if state.density == 0.0 {
+                    continue;
+                }
+                let [a, b] = link.nodes;
+                let q = state.density * unit;
+                for axis in 0..3 {
+                    let force = q * state.d[axis];
+                    let (row_a, row_b) = (self.balance[a][axis], self.balance[b][axis]);
+                    if row_a != usize::MAX {
+                        balance[row_a] += force;
+                    }
+                    if row_b != usize::MAX {
+                        balance[row_b] -= force;
+                    }
+                }
+            }
+            let links = &scratch.links;
+            let length = |i: usize| links[i].length;
+            let force = |i: usize| links[i].density * links[i].length;
+            for (equation, value) in self.equations.iter().zip(others) {
+                *value = match equation {
+                    Equation::Length { link, length: l } => {
+                        let d = &links[*link].d;
+                        let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                        (square - l * l) / (2.0 * l * self.size)
+                    }
+                    Equation::Pretension { links, norm } => {
+                        let sum: f64 = links.iter().map(|&i| force(i).powi(2)).sum();
+                        0.5 * (sum / (norm * norm) - 1.0)
+                    }
+                    Equation::EqualLengths {
+                        links: [a, b],
+                        scale,
+                    } => (length(*a) - scale * length(*b)) / self.size,
+                    Equation::EqualRests {
+                        links: [a, b],
+                        stiffness,
+                        scale,
+                    } => {
+                        let rest = |i: usize, k: f64| length(i) - force(i) / k;
+                        (rest(*a, stiffness[0]) - scale * rest(*b, stiffness[1])) / self.size
+                    }
+                    Equation::EqualForces {
+                        links: [a, b],
+                        scale,
+                    } => (force(*a) - scale * force(*b)) / self.force,
+                    Equation::EqualDirections {
+                        links: [a, b],
+                        rotation,
+                        axis,
+                    } => {
+                        let turned: f64 = (0..3).map(|j| rotation[j] * links[*b].d[j]).sum();
+                        links[*a].d[*axis] / length(*a) - turned / length(*b)
+                    }
+                };
+            }
+        });
+    }
+
+    fn jacobian_pattern(&self) -> &SparsityPattern {
+        &self.pattern
+    }
+
+    fn jacobian(&self, x: &[f64], values: &mut [f64]) {
+        SCRATCH.with_borrow_mut(|scratch| {
+            self.evaluate_links(x, scratch);
+            let Scratch { links, atoms, .. } = scratch;
+            atoms.clear();
+            atoms.extend(self.atoms.iter().map(|&(link, atom)| {
+                let LinkState {
+                    d,
+                    length: l,
+                    density: q,
+                    slope: s,
+                } = links[link];
+                match atom {
+                    Atom::One => 1.0,
+                    Atom::Density => q,
+                    Atom::Vector(i) => d[i],
+                    Atom::DensitySlope(i, j) => s * d[i] * d[j],
+                    Atom::SquaredForceByDensity => q * l * l,
+                    Atom::SquaredForceByPosition(i) => (q * q + q * l * l * s) * d[i],
+                    Atom::Length => l,
+                    Atom::ForceByPosition(i) => (q / l + l * s) * d[i],
+                    Atom::Direction(i) => d[i] / l,
+                    Atom::DirectionByPosition(i, j) => {
+                        (f64::from(u8::from(i == j)) - d[i] * d[j] / (l * l)) / l
+                    }
+                }
+            }));
+            for (value, range) in values.iter_mut().zip(self.term_starts.windows(2)) {
+                *value = self.terms[range[0]..range[1]]
+                    .iter()
+                    .fold(0.0, |sum, &(atom, c)| sum + c * atoms[atom as usize]);
+            }
+        });
+    }
+
+    fn lower_bounds(&self) -> &[f64] {
+        &self.lower
+    }
+
+    fn upper_bounds(&self) -> &[f64] {
+        &self.upper
+    }
+
+    fn limit_count(&self) -> usize {
+        self.limits.len()
+    }
+
+    fn limits(&self, x: &[f64], values: &mut [f64]) {
+        SCRATCH.with_borrow_mut(|scratch| {
+            self.evaluate_links(x, scratch);
+            for (limit, value) in self.limits.iter().zip(values) {
+                *value = self.evaluate_limit(limit, &scratch.links[limit.link]);
+            }
+        });
+    }
+
+    fn limit_gradient(&self, limit: usize, x: &[f64], row: &mut SparseRow) {
+        let limit = &self.limits[limit];
+        let LinkState {
+            d,
+            length: l,
+            density: q,
+            slope: s,
+        } = self.evaluate_link(limit.link, x);
+        let (by_length, by_q, unit) = match limit.quantity {
+            Quantity::Length => (1.0, 0.0, 1.0 / self.size),
+            Quantity::Rest { stiffness } => (
+                1.0 - (q + l * l * s) / stiffness,
+                -l / stiffness,
+                1.0 / self.size,
+            ),
+            Quantity::Force => (q + l * l * s, l, self.force_weight / self.force),
+        };
+        let c = limit.sign * unit;
+        self.add_link_gradient(limit.link, d.map(|d| c * by_length * d / l), c * by_q, row);
+    }
+
+    fn limit(&self, limit: usize, x: &[f64]) -> f64 {
+        let limit = &self.limits[limit];
+        self.evaluate_limit(limit, &self.evaluate_link(limit.link, x))
+    }
+
+    fn limit_name(&self, limit: usize) -> String {
+        let limit = &self.limits[limit];
+        let (quantity, end) = (
+            match limit.quantity {
+                Quantity::Length => "length",
+                Quantity::Rest { .. } => "rest length",
+                Quantity::Force => "force",
+            },
+            if limit.sign > 0.0 { "lower" } else { "upper" },
+        );
+        let name = &self.structure.elements[limit.link].name;
+        format!("{end} limit {:.6} of the {quantity} of {name}", limit.bound)
+    }
+
+    fn variable_name(&self, variable: usize) -> String {
+        self.names[variable].clone()
+    }
+}
+
+impl EquilibriumManifold for NodesManifold {
+    fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    fn positions(&self, x: &[f64], positions: &mut [Point3<f64>]) {
+        for (node, p) in positions.iter_mut().enumerate() {
+            for axis in 0..3 {
+                p[axis] = self.coordinates.value(3 * node + axis, x);
+            }
+        }
+    }
+
+    fn pull_back(&self, _: &[f64], gradients: &[(usize, Vector3<f64>)], row: &mut SparseRow) {
+        for &(node, gradient) in gradients {
+            for axis in 0..3 {
+                for &(j, c) in self.coordinates.row(3 * node + axis) {
+                    row.add(j, c * gradient[axis]);
+                }
+            }
+        }
+    }
+
+    fn configuration(&self, x: &[f64]) -> Configuration {
+        SCRATCH.with_borrow_mut(|scratch| {
+            self.evaluate_links(x, scratch);
+            let elements = &self.structure.elements;
+            let states = &scratch.links[..elements.len()];
+            let force = |state: &LinkState| state.density * state.length;
+            Configuration {
+                positions: scratch.positions.iter().map(|&p| Point3::from(p)).collect(),
+                lengths: states.iter().map(|state| state.length).collect(),
+                rest_lengths: elements
+                    .iter()
+                    .zip(states)
+                    .map(|(element, state)| match element.law {
+                        ForceLaw::Linear { rest, .. } if rest.is_constant() => Some(rest.lo),
+                        ForceLaw::Linear { stiffness, .. } => {
+                            Some(state.length - force(state) / stiffness)
+                        }
+                        _ => None,
+                    })
+                    .collect(),
+                forces: elements
+                    .iter()
+                    .zip(states)
+                    .map(|(element, state)| element.carries_force().then(|| force(state)))
+                    .collect(),
+            }
+        })
+    }
+
+    fn coordinates(&self, configuration: &Configuration) -> Vec<f64> {
+        self.origins
+            .iter()
+            .enumerate()
+            .map(|(j, origin)| match *origin {
+                Origin::Coordinate(i) => configuration.positions[i / 3][i % 3] / self.size,
+                Origin::Density(element) => {
+                    let row = match self.links[element].density {
+                        Density::Unknown(row) => row,
+                        _ => return 0.0,
+                    };
+                    let scale = self.densities.row(row)[0].1;
+                    debug_assert_eq!(self.densities.row(row)[0].0, j);
+                    let force = configuration.forces[element].unwrap_or(0.0);
+                    force / configuration.lengths[element] / scale
+                }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,288 @@
+//! The search: trees, samples, connections.
+
+use cpu_time::ThreadTime;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
+use tensegra_atlas::{Atlas, ImplicitManifold, SparseRow, Validity, Workspace};
+
+use super::{AtlasRrt, branch::Branch};
+use crate::{
+    options::SampleRadius,
+    plan::{Failure, Observer, PlanError, Progress, Statistics},
+    slide::{Constraint, NearestStep},
+    tree::{Tree, squared_distance},
+};
+
+/// Draws of a sample before one outside its chart's domain is taken.
+const DRAWS: usize = 20;
+/// Nodes of a branch that are tried as origin of a connection.
+const CONNECTION_CANDIDATES: usize = 6;
+/// A tree this many times larger than the other one waits.
+const IMBALANCE: usize = 4;
+/// Extensions in a row without a new node after which planning is given up.
+const FRUITLESS: usize = 200_000;
+
+/// A point with its tangent coordinates.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Place {
+    pub(super) x: Vec<f64>,
+    pub(super) t: Vec<f64>,
+}
+
+pub(super) struct Search<'p, M: ?Sized, V: Validity> {
+    pub(super) planner: &'p AtlasRrt<'p, M, V>,
+    pub(super) atlas: Atlas,
+    pub(super) trees: Vec<Tree>,
+    /// Charts that represent nodes of each tree.
+    pub(super) charts: Vec<Vec<usize>>,
+    /// Sampling radius of each chart, when adaptive.
+    pub(super) radii: Vec<f64>,
+    pub(super) goal: Vec<f64>,
+    pub(super) goal_chart: usize,
+    pub(super) random: Pcg64,
+    pub(super) statistics: Statistics,
+    pub(super) work: Workspace,
+    pub(super) rows: NearestStep,
+    // Scratch of a step.
+    pub(super) here: Place,
+    pub(super) next: Place,
+    pub(super) memory: V::Memory,
+    pub(super) next_memory: V::Memory,
+    pub(super) target_t: Vec<f64>,
+    pub(super) wanted: Vec<f64>,
+    pub(super) step: Vec<f64>,
+    pub(super) limits: Vec<f64>,
+    pub(super) violated: Vec<Constraint>,
+    pub(super) contacts: Vec<usize>,
+    pub(super) gradient: SparseRow,
+    pub(super) tangent_gradient: Vec<f64>,
+    /// Changes of the normal offset over the last two steps, newest first.
+    pub(super) normal_changes: [Vec<f64>; 2],
+    pub(super) normal_history: usize,
+}
+
+impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
+    pub(super) fn new(
+        planner: &'p AtlasRrt<'p, M, V>,
+        k: usize,
+        start: &[f64],
+        goal: &[f64],
+    ) -> Result<Self, PlanError> {
+        let mut atlas = Atlas::new(k, planner.options.domain);
+        let mut work = Workspace::default();
+        let mut add = |which, x: &[f64]| {
+            atlas
+                .add(planner.manifold, x, &mut work)
+                .map_err(|error| PlanError::Manifold { which, error })
+        };
+        let start_chart = add("start", start)?;
+        let goal_chart = if start == goal {
+            start_chart
+        } else {
+            add("goal", goal)?
+        };
+        let mut trees = vec![Tree::new(start, start_chart, start)];
+        let mut charts = vec![vec![start_chart]];
+        if planner.options.two_trees {
+            trees.push(Tree::new(goal, goal_chart, goal));
+            charts.push(vec![goal_chart]);
+        }
+        let m = planner.manifold.ambient_dimension();
+        let place = || Place {
+            x: vec![0.0; m],
+            t: vec![0.0; k],
+        };
+        Ok(Self {
+            planner,
+            atlas,
+            trees,
+            charts,
+            radii: Vec::new(),
+            goal: goal.to_vec(),
+            goal_chart,
+            random: Pcg64::seed_from_u64(planner.options.seed),
+            statistics: Statistics::default(),
+            work,
+            rows: NearestStep::new(k),
+            here: place(),
+            next: place(),
+            memory: planner.validity.memory(),
+            next_memory: planner.validity.memory(),
+            target_t: vec![0.0; k],
+            wanted: vec![0.0; k],
+            step: vec![0.0; k],
+            limits: vec![0.0; planner.manifold.limit_count()],
+            violated: Vec::new(),
+            contacts: Vec::new(),
+            gradient: SparseRow::default(),
+            tangent_gradient: vec![0.0; k],
+            normal_changes: [vec![0.0; m], vec![0.0; m]],
+            normal_history: 0,
+        })
+    }
+
+    /// Grows trees until they meet. Returns the nodes where they do: one of the
+    /// first tree and, with two trees, one of the second.
+    pub(super) fn run(
+        &mut self,
+        clock: &ThreadTime,
+        observer: &mut dyn Observer,
+    ) -> Result<(usize, usize), Failure> {
+        let options = &self.planner.options;
+        // The straight connection first: easy problems need no search.
+        let goal = self.goal.clone();
+        let branch = self.extend(0, 0, &goal, true);
+        if branch.reached {
+            return Ok((branch.last, 0));
+        }
+        let mut target = vec![0.0; goal.len()];
+        let mut turn = 0;
+        let mut fruitless = 0;
+        for iteration in 0_usize.. {
+            if iteration % 16 == 0 {
+                let progress = Progress {
+                    seconds: clock.elapsed().as_secs_f64(),
+                    charts: self.atlas.len(),
+                    nodes: self.trees.iter().map(Tree::len).sum(),
+                };
+                if progress.seconds > options.time_limit {
+                    return Err(Failure::Time);
+                }
+                if progress.charts > options.max_charts {
+                    return Err(Failure::Charts);
+                }
+                if progress.nodes > options.max_nodes {
+                    return Err(Failure::Nodes);
+                }
+                if !observer.progress(&progress) {
+                    return Err(Failure::Cancelled);
+                }
+            }
+            if fruitless > FRUITLESS {
+                return Err(Failure::NoProgress);
+            }
+            turn = self.next_tree(turn);
+            let other = 1 - turn;
+            let biased = self.random.random::<f64>() < options.goal_bias;
+            let chart = if biased {
+                if options.two_trees {
+                    let node = self.random.random_range(0..self.trees[other].len());
+                    target.copy_from_slice(self.trees[other].point(node));
+                } else {
+                    target.copy_from_slice(&self.goal);
+                }
+                None
+            } else {
+                Some(self.sample(turn, &mut target))
+            };
+            let (near, _) = self.trees[turn].nearest(&target);
+            let branch = self.extend(turn, near, &target, false);
+            if let Some(chart) = chart {
+                self.adapt_radius(chart, branch.reached);
+            }
+            if branch.first == branch.last {
+                fruitless += 1;
+                continue;
+            }
+            fruitless = 0;
+            if let Some(meeting) = self.connect(turn, &branch, &mut target) {
+                return Ok(meeting);
+            }
+        }
+        Err(Failure::NoProgress)
+    }
+
+    /// Alternates, but lets a much larger tree wait.
+    pub(super) fn next_tree(&self, last: usize) -> usize {
+        if self.trees.len() == 1 {
+            return 0;
+        }
+        let next = 1 - last;
+        if self.trees[next].len() > IMBALANCE * self.trees[last].len() {
+            last
+        } else {
+            next
+        }
+    }
+
+    /// Draws a point near the atlas of a tree into `x`; returns the chart.
+    pub(super) fn sample(&mut self, tree: usize, x: &mut [f64]) -> usize {
+        let k = self.atlas.dimension();
+        let mut chart = 0;
+        for _ in 0..DRAWS {
+            chart = self.charts[tree][self.random.random_range(0..self.charts[tree].len())];
+            let radius = match self.planner.options.sample_radius {
+                SampleRadius::Fixed(radius) => radius,
+                SampleRadius::Adaptive { largest } => {
+                    self.radii.resize(self.atlas.len(), largest);
+                    self.radii[chart]
+                }
+            };
+            let mut square = 0.0;
+            for t in &mut self.wanted {
+                *t = self.random.sample(StandardNormal);
+                square += *t * *t;
+            }
+            let length = radius * self.random.random::<f64>().powf(1.0 / k as f64);
+            let scale = length / square.sqrt().max(f64::MIN_POSITIVE);
+            self.wanted.iter_mut().for_each(|t| *t *= scale);
+            if self.atlas.inside_cuts(chart, &self.wanted) {
+                break;
+            }
+        }
+        self.atlas.chart(chart).tangent_point(&self.wanted, x);
+        chart
+    }
+
+    pub(super) fn adapt_radius(&mut self, chart: usize, reached: bool) {
+        if let SampleRadius::Adaptive { largest } = self.planner.options.sample_radius {
+            let radius = &mut self.radii[chart];
+            let smallest = self.planner.options.domain.radius.min(largest);
+            *radius = (*radius * if reached { 1.2 } else { 0.8 }).clamp(smallest, largest);
+        }
+    }
+
+    /// Tries to connect a new branch to the other tree (or to the goal).
+    pub(super) fn connect(
+        &mut self,
+        tree: usize,
+        branch: &Branch,
+        target: &mut Vec<f64>,
+    ) -> Option<(usize, usize)> {
+        let count = branch.last - branch.first;
+        let candidates = count.min(CONNECTION_CANDIDATES);
+        let mut best = (f64::INFINITY, 0, 0);
+        for i in 0..candidates {
+            // The last nodes of the branch and evenly spaced ones before.
+            let node = branch.last - i * count / candidates;
+            let point = self.trees[tree].point(node);
+            let (near, distance) = if self.trees.len() == 2 {
+                target.copy_from_slice(point);
+                self.trees[1 - tree].nearest(target)
+            } else {
+                (0, squared_distance(point, &self.goal).sqrt())
+            };
+            if distance < best.0 {
+                best = (distance, node, near);
+            }
+        }
+        let (_, node, near) = best;
+        if self.trees.len() == 1 {
+            target.copy_from_slice(&self.goal);
+            let goal = self.extend(tree, node, &std::mem::take(target), true);
+            target.resize(self.goal.len(), 0.0);
+            return goal.reached.then_some((goal.last, 0));
+        }
+        target.copy_from_slice(self.trees[tree].point(node));
+        let goal = std::mem::take(target);
+        let connection = self.extend(1 - tree, near, &goal, true);
+        *target = goal;
+        let meeting = if tree == 0 {
+            (node, connection.last)
+        } else {
+            (connection.last, node)
+        };
+        connection.reached.then_some(meeting)
+    }
+}
