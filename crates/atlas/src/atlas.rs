@@ -2,8 +2,13 @@
 //!
 //! The domain of a chart is a ball of radius ρ cut by half-spaces, one for each
 //! neighbouring chart: 2 tᵀ t_j ≤ |t_j|², with t_j the neighbour's centre in
-//! the coordinates of the chart (Porta and Hernández-Juan 2016, figure 4).
-//! Adding a chart costs one chart and a scan over the centres.
+//! the coordinates of the chart (Porta and Hernández-Juan 2016, figure 4). Where
+//! the manifold bends, such cuts would leave cracks between neighbours: they are
+//! moved outwards by as much as it takes. Adding a chart costs one chart and a scan
+//! over the centres.
+//!
+//! Polytopes with explicit vertices, for manifolds of few dimensions, are those
+//! of [`ComponentAtlas`](crate::ComponentAtlas).
 
 use crate::{
     chart::{Chart, ProjectionFailed, Workspace},
@@ -40,7 +45,7 @@ impl Default for ChartDomain {
 pub struct Cut {
     /// The neighbour's centre in tangent coordinates, t_j.
     pub normal: Vec<f64>,
-    /// |t_j|² / 2.
+    /// |t_j|² / 2, and a little more where the manifold bends.
     pub offset: f64,
     /// The neighbour.
     pub neighbour: usize,
@@ -140,7 +145,7 @@ impl Atlas {
         let near = length < 4.0 * self.domain.radius.powi(2)
             && distance - length <= 4.0 * self.domain.error.powi(2);
         near.then_some(Cut {
-            offset: 0.5 * length,
+            offset: bisector(distance, length, self.domain.error),
             normal,
             neighbour,
         })
@@ -189,6 +194,18 @@ impl Atlas {
     ) -> Result<(), ProjectionFailed> {
         self.charts[index].exp(manifold, t, x, tolerance, work)
     }
+}
+
+/// Where a chart's domain ends towards a neighbour so that no crack is left.
+///
+/// Points y halfway between two centres, at the distance d = Φ t_j + n_j, fulfil
+/// (y − x_i)ᵀ d = |d|²/2. In tangent coordinates, with y − x_i = Φ t + n, this is
+/// tᵀ t_j = |d|²/2 − nᵀ n_j, and −nᵀ n_j is at most ε |n_j| as long as the manifold
+/// stays within ε of the tangent space. Given |d|² and |t_j|², this is the largest
+/// tᵀ t_j of any point halfway.
+pub(crate) fn bisector(squared_distance: f64, squared_length: f64, error: f64) -> f64 {
+    let normal_offset = (squared_distance - squared_length).max(0.0).sqrt();
+    0.5 * squared_distance + error * normal_offset
 }
 
 /// |a − b|².

@@ -341,7 +341,7 @@ impl Chart {
 /// Gaussian elimination with partial pivoting on an augmented matrix of r rows
 /// and r + 1 columns; the solution replaces the last column. `false` when a
 /// pivot vanishes.
-fn solve_by_elimination(a: &mut [f64], r: usize) -> bool {
+pub(crate) fn solve_by_elimination(a: &mut [f64], r: usize) -> bool {
     let w = r + 1;
     for j in 0..r {
         let p = (j..r)

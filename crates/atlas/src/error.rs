@@ -46,4 +46,12 @@ pub enum ManifoldError {
         /// Its value.
         value: f64,
     },
+    /// A point has too many or too few coordinates.
+    #[error("the point has {found} coordinates, the manifold's have {expected}")]
+    WrongLength {
+        /// Number of its coordinates.
+        found: usize,
+        /// Number of variables of the manifold.
+        expected: usize,
+    },
 }

@@ -8,16 +8,23 @@
 
 mod atlas;
 mod chart;
+mod continuation;
 pub mod doc;
 mod error;
 mod manifold;
 mod newton;
+mod polytope;
 mod qr;
 mod validity;
 
 pub use atlas::{Atlas, ChartDomain, Cut};
 pub use chart::{Chart, ProjectionFailed, Workspace};
+pub use continuation::{
+    BilliardWalk, Border, ComponentAtlas, Continuation, ContinuationError, ContinuationOptions,
+    Corner, Exploration, OutlinePoint, Route, RouteError, RouteOptions,
+};
 pub use error::ManifoldError;
 pub use manifold::{ImplicitManifold, SparseRow, SparsityPattern};
 pub use newton::{dimension, project};
+pub use polytope::{Facet, Polytope, Vertex};
 pub use validity::{Everywhere, Obstruction, Predicate, Validity};
