@@ -18,6 +18,7 @@ mod files;
 mod free_space;
 mod problem;
 mod problem_file;
+mod stability;
 mod structure;
 mod tens;
 mod validate;
@@ -31,10 +32,12 @@ pub use environment::{
     EnvironmentFlaw, EnvironmentPlace, Obstacle, PairSelection, Role, Shape,
 };
 pub use equilibrium::{
-    DirectionsManifold, EquationCounts, EquilibriumError, EquilibriumManifold, NodesManifold,
+    DirectionsManifold, ElementQuantity, EquationCounts, EquilibriumError, EquilibriumManifold,
+    NodesManifold,
 };
 pub use free_space::{BodyError, Closest, FreeSpace, Memory};
 pub use problem::{Endpoint, Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius};
+pub use stability::{Actuation, Stability, Stable};
 pub use structure::{
     Anchor, Appearance, AttachedShape, Attachment, Coupling, Element, ElementKind, FixedCoordinate,
     ForceLaw, Interval, Node, Structure,

@@ -8,6 +8,7 @@ use crate::{
     diagnostic::{Finding, ReadErrors, SourceFile},
     environment::Environment,
     problem_file,
+    stability::Actuation,
     structure::Structure,
 };
 
@@ -75,6 +76,11 @@ pub struct PlannerSettings {
     pub max_nodes: usize,
     /// CPU seconds after which planning is given up.
     pub time_limit: f64,
+    /// What motors keep constant when their elements are disturbed.
+    pub actuation: Actuation,
+    /// What the smallest eigenvalue of the tangent stiffness must exceed all
+    /// along (force per length); no demand where there is none.
+    pub least_stiffness: Option<f64>,
     /// Dimension k of the manifold, where the file states it: checked against
     /// the one found.
     pub expected_dimension: Option<usize>,
@@ -95,6 +101,8 @@ impl Default for PlannerSettings {
             max_charts: 150_000,
             max_nodes: 250_000,
             time_limit: 600.0,
+            actuation: Actuation::default(),
+            least_stiffness: None,
             expected_dimension: None,
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! [`AtlasRrt`] plans between two points of any [`ImplicitManifold`] under any
 //! [`Validity`]: a sphere with walls as well as a tensegrity among obstacles.
-//! It knows of nothing but these two traits.
+//! It knows of nothing but these two traits. [`Tracer`] follows a manifold while
+//! some quantities of its points are moved.
 //!
 //! [`ImplicitManifold`]: tensegra_atlas::ImplicitManifold
 //! [`Validity`]: tensegra_atlas::Validity
@@ -11,8 +12,10 @@ mod atlas_rrt;
 mod options;
 mod plan;
 mod slide;
+mod trace;
 mod tree;
 
 pub use atlas_rrt::AtlasRrt;
 pub use options::{PlannerOptions, SampleRadius};
 pub use plan::{Failure, Observer, Plan, PlanError, Progress, Statistics, StopCounts};
+pub use trace::{Advance, Limit, Quantities, Stop, TraceOptions, Tracer};

@@ -5,7 +5,7 @@ use tensegra_atlas::{ChartDomain, ManifoldError};
 use tensegra_model::{
     Body, BodyError, Configuration, DirectionsManifold, Endpoint, EquilibriumError,
     EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PlannerKind, Problem,
-    SamplingRadius, Structure, control_effort, path_length,
+    SamplingRadius, Stability, Stable, Structure, control_effort, path_length,
 };
 use tensegra_sampling::{AtlasRrt, Observer, PlanError, PlannerOptions, SampleRadius, Statistics};
 
@@ -25,6 +25,10 @@ pub struct Plan {
     pub planning_seconds: f64,
     /// Dimension k of the manifold.
     pub dimension: usize,
+    /// The smallest eigenvalue of the tangent stiffness along the path on
+    /// admissible motions, force per length, with the index of the configuration
+    /// that has it; `None` where no motion is admissible.
+    pub least_stiffness: Option<(usize, f64)>,
     /// Formulation planned in.
     pub formulation: Formulation,
     /// Seed of every random choice.
@@ -60,6 +64,19 @@ pub enum PlanningError {
         b: String,
         /// Depth of the overlap.
         depth: f64,
+    },
+    /// Start or goal is not as stable as demanded.
+    #[error(
+        "the {which} is not stable enough: its smallest stiffness is {stiffness:.4e}, more than \
+         {margin:.4e} is demanded"
+    )]
+    Unstable {
+        /// "start" or "goal".
+        which: &'static str,
+        /// Smallest eigenvalue of the tangent stiffness, force per length.
+        stiffness: f64,
+        /// What it must exceed.
+        margin: f64,
     },
     /// The dimension found is not the one that the problem states.
     #[error(
@@ -102,30 +119,27 @@ pub fn equilibrium_manifold(
     })
 }
 
-/// A problem made ready for planning.
-pub(crate) struct Prepared {
-    manifold: Box<dyn EquilibriumManifold>,
-    start: Vec<f64>,
-    goal: Vec<f64>,
-    dimension: usize,
-    size: f64,
+/// A structure made ready: its manifold, and its start on it.
+pub(crate) struct Grounded {
+    pub(crate) manifold: Box<dyn EquilibriumManifold>,
+    pub(crate) start: Vec<f64>,
+    pub(crate) dimension: usize,
+    pub(crate) size: f64,
 }
 
-/// Builds the manifold, refines start and goal onto it, and refuses what no
-/// planner could solve.
-pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
+/// Builds the manifold and refines the start onto it; refuses a start in
+/// collision.
+pub(crate) fn prepare_start(problem: &Problem) -> Result<Grounded, PlanningError> {
     let settings = &problem.settings;
     let structure = &problem.structure;
-    let stated = |which, endpoint: &Option<Endpoint>| match endpoint {
-        Some(endpoint) => Ok(complete(structure, endpoint)),
-        None => Err(EndpointError::Missing { which }),
-    };
-    let stated_start = stated("start", &problem.start)?;
-    let stated_goal = stated("goal", &problem.goal)?;
-    let size = structure.size(&stated_start.positions);
-    let manifold = equilibrium_manifold(structure, settings.formulation, &stated_start)?;
-    let start = refine(manifold.as_ref(), "start", &stated_start, size)?;
-    let goal = refine(manifold.as_ref(), "goal", &stated_goal, size)?;
+    let start = problem.start.as_ref();
+    let stated = complete(
+        structure,
+        start.ok_or(EndpointError::Missing { which: "start" })?,
+    );
+    let size = structure.size(&stated.positions);
+    let manifold = equilibrium_manifold(structure, settings.formulation, &stated)?;
+    let start = refine(manifold.as_ref(), "start", &stated, size)?;
     let dimension = tensegra_atlas::dimension(manifold.as_ref(), &start);
     if let Some(stated) = settings.expected_dimension
         && stated != dimension
@@ -135,10 +149,63 @@ pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
             stated,
         });
     }
-    let at_goal = tensegra_atlas::dimension(manifold.as_ref(), &goal);
-    if at_goal != dimension {
+    let grounded = Grounded {
+        manifold,
+        start,
+        dimension,
+        size,
+    };
+    refuse_collision(problem, &grounded, "start", &grounded.start)?;
+    Ok(grounded)
+}
+
+fn refuse_collision(
+    problem: &Problem,
+    grounded: &Grounded,
+    which: &'static str,
+    x: &[f64],
+) -> Result<(), PlanningError> {
+    let manifold = grounded.manifold.as_ref();
+    let free = FreeSpace::new(manifold, &problem.environment, grounded.size)?;
+    match free.closest(x) {
+        Some(closest) if closest.clearance <= 0.0 => {
+            let [a, b] = closest.bodies.map(|body| body_name(problem, body));
+            Err(PlanningError::Collision {
+                which,
+                a,
+                b,
+                depth: -closest.clearance,
+            })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A problem made ready for planning.
+pub(crate) struct Prepared {
+    grounded: Grounded,
+    goal: Vec<f64>,
+}
+
+/// Builds the manifold, refines start and goal onto it, and refuses what no
+/// planner could solve.
+pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
+    let (Some(_), Some(goal)) = (&problem.start, &problem.goal) else {
+        let which = if problem.start.is_none() {
+            "start"
+        } else {
+            "goal"
+        };
+        return Err(EndpointError::Missing { which }.into());
+    };
+    let stated = complete(&problem.structure, goal);
+    let grounded = prepare_start(problem)?;
+    let manifold = grounded.manifold.as_ref();
+    let goal = refine(manifold, "goal", &stated, grounded.size)?;
+    let at_goal = tensegra_atlas::dimension(manifold, &goal);
+    if at_goal != grounded.dimension {
         let error = ManifoldError::DimensionChanges {
-            first: dimension,
+            first: grounded.dimension,
             second: at_goal,
         };
         return Err(EndpointError::NoEquilibrium {
@@ -147,27 +214,8 @@ pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
         }
         .into());
     }
-    let free = FreeSpace::new(manifold.as_ref(), &problem.environment, size)?;
-    for (which, x) in [("start", &start), ("goal", &goal)] {
-        if let Some(closest) = free.closest(x)
-            && closest.clearance <= 0.0
-        {
-            let [a, b] = closest.bodies.map(|body| body_name(problem, body));
-            return Err(PlanningError::Collision {
-                which,
-                a,
-                b,
-                depth: -closest.clearance,
-            });
-        }
-    }
-    Ok(Prepared {
-        manifold,
-        start,
-        goal,
-        dimension,
-        size,
-    })
+    refuse_collision(problem, &grounded, "goal", &goal)?;
+    Ok(Prepared { grounded, goal })
 }
 
 /// Plans a motion from the problem's start to its goal.
@@ -178,15 +226,25 @@ pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
 pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, PlanningError> {
     let clock = ThreadTime::now();
     let settings = &problem.settings;
-    let prepared = prepare(problem)?;
-    let manifold = prepared.manifold.as_ref();
-    let mut free = FreeSpace::new(manifold, &problem.environment, prepared.size)?;
-    free.admit(&prepared.start);
-    free.admit(&prepared.goal);
+    let Prepared { grounded, goal } = prepare(problem)?;
+    let Grounded {
+        ref manifold,
+        ref start,
+        dimension,
+        size,
+    } = grounded;
+    let manifold = manifold.as_ref();
+    let mut free = FreeSpace::new(manifold, &problem.environment, size)?;
+    free.admit(start);
+    free.admit(&goal);
+    let free = Stable::new(manifold, settings.actuation, settings.least_stiffness, free);
+    for (which, x) in [("start", start), ("goal", &goal)] {
+        refuse_instability(&free, which, x)?;
+    }
     let preparation_seconds = clock.elapsed().as_secs_f64();
     let planner = AtlasRrt::new(manifold, &free, planner_options(problem))
-        .max_displacement(settings.step * prepared.size);
-    let found = planner.plan(&prepared.start, &prepared.goal, observer)?;
+        .max_displacement(settings.step * size);
+    let found = planner.plan(start, &goal, observer)?;
     let path = Path {
         configurations: found
             .points
@@ -196,12 +254,13 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
     };
     Ok(Plan {
         path_length: path_length(&problem.structure, &path)?,
+        least_stiffness: Stability::new(&problem.structure, settings.actuation).least_along(&path),
         control_effort: control_effort(&problem.structure, &path).ok(),
         path,
         planning_seconds: found.statistics.seconds,
         statistics: found.statistics,
         preparation_seconds,
-        dimension: prepared.dimension,
+        dimension,
         formulation: settings.formulation,
         seed: problem.seed,
     })
@@ -229,6 +288,22 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
     options.max_nodes = settings.max_nodes;
     options.time_limit = settings.time_limit;
     options
+}
+
+/// Refuses a start or goal that is not as stable as demanded.
+pub(crate) fn refuse_instability(
+    stable: &Stable<'_, dyn EquilibriumManifold, FreeSpace<'_, dyn EquilibriumManifold>>,
+    which: &'static str,
+    x: &[f64],
+) -> Result<(), PlanningError> {
+    match stable.shortfall(x) {
+        None => Ok(()),
+        Some((stiffness, margin)) => Err(PlanningError::Unstable {
+            which,
+            stiffness,
+            margin,
+        }),
+    }
 }
 
 /// Name of a body, for messages.

@@ -146,18 +146,7 @@ struct Times {
 }
 
 pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
-    let known: Vec<&str> = CASES.iter().map(|case| case.name).collect();
-    if let Some(unknown) = arguments
-        .cases
-        .iter()
-        .find(|name| !known.contains(&name.as_str()))
-    {
-        return Err(format!(
-            "the suite has no case {unknown}: choose from {}",
-            known.join(", ")
-        )
-        .into());
-    }
+    arguments.refuse_unknown_cases(&CASES.each_ref().map(|case| case.name))?;
     let mut rows = Vec::new();
     let mut failures = Vec::new();
     let mut times: Vec<(&str, Vec<Times>)> = Vec::new();

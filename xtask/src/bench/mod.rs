@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: measured figures beside those of others.
 
 mod document;
+mod implicit;
 mod manifold;
 
 use std::{fs, path::PathBuf};
@@ -74,6 +75,22 @@ impl BenchArguments {
         self.seeds.unwrap_or(if self.quick { 5 } else { 20 })
     }
 
+    /// Refuses cases that a suite does not have.
+    fn refuse_unknown_cases(&self, known: &[&str]) -> Result<(), Error> {
+        match self
+            .cases
+            .iter()
+            .find(|name| !known.contains(&name.as_str()))
+        {
+            None => Ok(()),
+            Some(unknown) => Err(format!(
+                "the suite has no case {unknown}: choose from {}",
+                known.join(", ")
+            )
+            .into()),
+        }
+    }
+
     /// Whether the case with this name and place in its suite is asked for.
     fn selects_case(&self, name: &str, index: usize) -> bool {
         if self.cases.is_empty() {
@@ -89,18 +106,22 @@ impl BenchArguments {
 enum Suite {
     /// Paths on equilibrium manifolds of tensegrity structures
     Manifold,
+    /// Paths on other implicit manifolds: a sphere, a chain, a parallel robot
+    Implicit,
 }
 
 impl Suite {
     fn name(self) -> &'static str {
         match self {
             Self::Manifold => "manifold",
+            Self::Implicit => "implicit",
         }
     }
 
     fn measure(self, arguments: &BenchArguments) -> Result<Results, Error> {
         match self {
             Self::Manifold => manifold::measure(arguments),
+            Self::Implicit => implicit::measure(arguments),
         }
     }
 }

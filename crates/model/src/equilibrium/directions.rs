@@ -26,7 +26,7 @@ use self::{
     raw::{ElementVariables, Layout, Length, RawSystem, RawVariable, SpanningTree},
     simplify::{Simplified, range_of_argument, simplify},
 };
-use super::{EquilibriumError, EquilibriumManifold};
+use super::{ElementQuantity, EquilibriumError, EquilibriumManifold};
 use crate::{
     configuration::Configuration,
     structure::{Attachment, Interval, Structure},
@@ -192,6 +192,20 @@ impl DirectionsManifold {
         }
     }
 
+    /// An element's quantity in terms of the coordinates.
+    fn affine(&self, quantity: ElementQuantity) -> Option<Affine> {
+        let element = self.layout.elements.get(quantity.element())?;
+        let variable = match quantity {
+            ElementQuantity::Length(_) => match element.length {
+                Length::Constant(length) => return Some(Affine::constant(length)),
+                Length::Variable(i) => i,
+            },
+            ElementQuantity::Rest(_) => element.rest?,
+            ElementQuantity::Force(_) => element.force?,
+        };
+        Some(self.values[variable])
+    }
+
     fn vector(&self, variables: &[usize; 3], x: &[f64]) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| self.values[variables[axis]].value(x))
     }
@@ -324,6 +338,16 @@ impl EquilibriumManifold for DirectionsManifold {
                     row.add(j, scale * gradient.dot(&self.vector(&element.direction, x)));
                 }
             }
+        }
+    }
+
+    fn quantity(&self, quantity: ElementQuantity, x: &[f64]) -> Option<f64> {
+        Some(self.affine(quantity)?.value(x))
+    }
+
+    fn quantity_gradient(&self, quantity: ElementQuantity, _: &[f64], row: &mut SparseRow) {
+        if let Some((variable, scale)) = self.affine(quantity).and_then(|a| a.variable) {
+            row.add(variable, scale);
         }
     }
 

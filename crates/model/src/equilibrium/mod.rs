@@ -10,7 +10,10 @@ pub use nodes::NodesManifold;
 use nalgebra::{Point3, Vector3};
 use tensegra_atlas::{ImplicitManifold, SparseRow};
 
-use crate::{configuration::Configuration, structure::Structure};
+use crate::{
+    configuration::Configuration,
+    structure::{ForceLaw, Interval, Structure},
+};
 
 /// An equilibrium manifold: an implicit manifold whose points are static
 /// configurations of a structure.
@@ -25,12 +28,80 @@ pub trait EquilibriumManifold: ImplicitManifold {
     /// positions, given its gradients with respect to some positions.
     fn pull_back(&self, x: &[f64], gradients: &[(usize, Vector3<f64>)], row: &mut SparseRow);
 
+    /// The value of an element's quantity at the coordinates x; `None` where the
+    /// element has no such quantity.
+    fn quantity(&self, quantity: ElementQuantity, x: &[f64]) -> Option<f64>;
+
+    /// Adds the gradient of an element's quantity to `row`; nothing where the
+    /// quantity is constant or the element has none such.
+    fn quantity_gradient(&self, quantity: ElementQuantity, x: &[f64], row: &mut SparseRow);
+
     /// The physical configuration at the coordinates x.
     fn configuration(&self, x: &[f64]) -> Configuration;
 
     /// The coordinates of a physical configuration; close to the manifold if
     /// the configuration is close to equilibrium.
     fn coordinates(&self, configuration: &Configuration) -> Vec<f64>;
+}
+
+/// A quantity of one element, by the element's index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ElementQuantity {
+    /// Length l.
+    Length(usize),
+    /// Rest length r of an element with a linear law.
+    Rest(usize),
+    /// Force f of an element that carries one, tension positive.
+    Force(usize),
+}
+
+impl ElementQuantity {
+    /// The element.
+    pub fn element(self) -> usize {
+        match self {
+            Self::Length(e) | Self::Rest(e) | Self::Force(e) => e,
+        }
+    }
+
+    /// What is measured: "length", "rest length" or "force".
+    pub fn noun(self) -> &'static str {
+        match self {
+            Self::Length(_) => "length",
+            Self::Rest(_) => "rest length",
+            Self::Force(_) => "force",
+        }
+    }
+
+    /// Its value in a configuration, where the element has it.
+    pub fn value(self, configuration: &Configuration) -> Option<f64> {
+        match self {
+            Self::Length(e) => configuration.lengths.get(e).copied(),
+            Self::Rest(e) => configuration.rest_lengths.get(e).copied().flatten(),
+            Self::Force(e) => configuration.forces.get(e).copied().flatten(),
+        }
+    }
+
+    /// Its range in a structure, where the element has it.
+    pub fn range(self, structure: &Structure) -> Option<Interval> {
+        let element = structure.elements.get(self.element())?;
+        match self {
+            Self::Length(_) => Some(element.length),
+            Self::Rest(_) => element.rest(),
+            Self::Force(_) => element.carries_force().then_some(element.force),
+        }
+    }
+
+    /// What the motor of an element sets: the rest length of an elastic one, the
+    /// length of an inextensible one. `None` for an element without a motor.
+    pub fn actuated(structure: &Structure, element: usize) -> Option<Self> {
+        let declared = structure.elements.get(element)?;
+        match declared.law {
+            ForceLaw::Linear { .. } => declared.is_actuated().then_some(Self::Rest(element)),
+            ForceLaw::Free | ForceLaw::None => {
+                (!declared.has_constant_length()).then_some(Self::Length(element))
+            }
+        }
+    }
 }
 
 /// Why a structure has no equilibrium manifold.

@@ -3,7 +3,10 @@
 use toml::de::DeValue;
 
 use super::decode::{Decoder, Value};
-use crate::problem::{Formulation, PlannerKind, PlannerSettings, SamplingRadius};
+use crate::{
+    problem::{Formulation, PlannerKind, PlannerSettings, SamplingRadius},
+    stability::Actuation,
+};
 
 /// Decodes the value of `planner` into settings; what it does not state stays.
 pub(crate) fn decode(decoder: &mut Decoder<'_>, value: Value<'_>, settings: &mut PlannerSettings) {
@@ -71,6 +74,16 @@ pub(crate) fn decode(decoder: &mut Decoder<'_>, value: Value<'_>, settings: &mut
         {
             *target = count;
         }
+    }
+    if let Some(value) = table.take("actuation") {
+        let actuations = [("length", Actuation::Length), ("force", Actuation::Force)];
+        if let Some(actuation) = decoder.choice(value, &actuations) {
+            settings.actuation = actuation;
+        }
+    }
+    if let Some(value) = table.take("least_stiffness") {
+        let stiffness = decoder.number_if(value, "a number of at least 0", |number| number >= 0.0);
+        settings.least_stiffness = stiffness.or(settings.least_stiffness);
     }
     if let Some(value) = table.take("expected_dimension") {
         settings.expected_dimension = count(decoder, value).or(settings.expected_dimension);

@@ -25,7 +25,7 @@ use std::cell::RefCell;
 use nalgebra::{Point3, Vector3};
 use tensegra_atlas::{ImplicitManifold, SparseRow, SparsityPattern};
 
-use super::{EquilibriumError, EquilibriumManifold, affine::AffineMap};
+use super::{ElementQuantity, EquilibriumError, EquilibriumManifold, affine::AffineMap};
 use crate::{
     configuration::Configuration,
     structure::{ForceLaw, Structure},
@@ -103,6 +103,30 @@ struct LinkState {
     density: f64,
     /// (dq/dl) / l.
     slope: f64,
+}
+
+impl LinkState {
+    fn force(&self) -> f64 {
+        self.density * self.length
+    }
+
+    fn value(&self, quantity: Quantity) -> f64 {
+        match quantity {
+            Quantity::Length => self.length,
+            Quantity::Rest { stiffness } => self.length - self.force() / stiffness,
+            Quantity::Force => self.force(),
+        }
+    }
+
+    /// Derivatives of a quantity by length and by density.
+    fn derivatives(&self, quantity: Quantity) -> (f64, f64) {
+        let (l, q, s) = (self.length, self.density, self.slope);
+        match quantity {
+            Quantity::Length => (1.0, 0.0),
+            Quantity::Rest { stiffness } => (1.0 - (q + l * l * s) / stiffness, -l / stiffness),
+            Quantity::Force => (q + l * l * s, l),
+        }
+    }
 }
 
 #[derive(Default)]
@@ -240,6 +264,19 @@ impl NodesManifold {
             }
         };
         limit.sign * value
+    }
+
+    /// An element's quantity as one of its link; `None` where it has none.
+    fn resolve(&self, quantity: ElementQuantity) -> Option<(usize, Quantity)> {
+        let element = self.structure.elements.get(quantity.element())?;
+        let resolved = match quantity {
+            ElementQuantity::Length(_) => Quantity::Length,
+            ElementQuantity::Rest(_) => Quantity::Rest {
+                stiffness: element.stiffness()?,
+            },
+            ElementQuantity::Force(_) => element.carries_force().then_some(Quantity::Force)?,
+        };
+        Some((quantity.element(), resolved))
     }
 
     /// Adds the gradient of a function of one link, given its derivatives with
@@ -407,23 +444,15 @@ impl ImplicitManifold for NodesManifold {
 
     fn limit_gradient(&self, limit: usize, x: &[f64], row: &mut SparseRow) {
         let limit = &self.limits[limit];
-        let LinkState {
-            d,
-            length: l,
-            density: q,
-            slope: s,
-        } = self.evaluate_link(limit.link, x);
-        let (by_length, by_q, unit) = match limit.quantity {
-            Quantity::Length => (1.0, 0.0, 1.0 / self.size),
-            Quantity::Rest { stiffness } => (
-                1.0 - (q + l * l * s) / stiffness,
-                -l / stiffness,
-                1.0 / self.size,
-            ),
-            Quantity::Force => (q + l * l * s, l, self.force_weight / self.force),
+        let state = self.evaluate_link(limit.link, x);
+        let (by_length, by_q) = state.derivatives(limit.quantity);
+        let unit = match limit.quantity {
+            Quantity::Force => self.force_weight / self.force,
+            Quantity::Length | Quantity::Rest { .. } => 1.0 / self.size,
         };
         let c = limit.sign * unit;
-        self.add_link_gradient(limit.link, d.map(|d| c * by_length * d / l), c * by_q, row);
+        let by_d = state.d.map(|d| c * by_length * d / state.length);
+        self.add_link_gradient(limit.link, by_d, c * by_q, row);
     }
 
     fn limit(&self, limit: usize, x: &[f64]) -> f64 {
@@ -470,6 +499,20 @@ impl EquilibriumManifold for NodesManifold {
                     row.add(j, c * gradient[axis]);
                 }
             }
+        }
+    }
+
+    fn quantity(&self, quantity: ElementQuantity, x: &[f64]) -> Option<f64> {
+        let (element, quantity) = self.resolve(quantity)?;
+        Some(self.evaluate_link(element, x).value(quantity))
+    }
+
+    fn quantity_gradient(&self, quantity: ElementQuantity, x: &[f64], row: &mut SparseRow) {
+        if let Some((element, quantity)) = self.resolve(quantity) {
+            let state = self.evaluate_link(element, x);
+            let (by_length, by_q) = state.derivatives(quantity);
+            let by_d = state.d.map(|d| by_length * d / state.length);
+            self.add_link_gradient(element, by_d, by_q, row);
         }
     }
 
