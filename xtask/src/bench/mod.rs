@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: measured figures beside those of others.
 
 mod document;
+mod lar;
 mod manifold;
 
 use std::{fs, path::PathBuf};
@@ -18,6 +19,11 @@ use crate::{Error, root};
 /// are over the successes, and every run that fails is named. Times are CPU
 /// seconds of planning alone, without reading, judging and writing.
 ///
+/// In the suite `lar` the seeds are random sequences of waypoints, 100 unless
+/// said otherwise (at most 20 random robots and 10 multi-starts), --quick takes
+/// 2 and leaves out what is slow, and walks end by their number of
+/// configurations, so that --time-limit has no effect.
+///
 /// Into the folder of results go SUITE.json (the rows), SUITE.md (the table,
 /// beside the figures that others report) and SUITE.svg (the distribution of
 /// planning times). The table is printed as well.
@@ -26,10 +32,10 @@ pub struct BenchArguments {
     /// The suite
     #[arg(long, value_enum, default_value_t = Suite::Manifold)]
     suite: Suite,
-    /// Number of seeds for each case and variant [default: 20, with --quick 5]
+    /// Number of seeds for each case and variant [default: 20, with --quick 5; of `lar` 100 and 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// Only the first case, in its default variant
+    /// Only the first case, in its default variant; of `lar`, a part of each case
     #[arg(long)]
     quick: bool,
     /// Only this case; may be given several times
@@ -89,18 +95,22 @@ impl BenchArguments {
 enum Suite {
     /// Paths on equilibrium manifolds of tensegrity structures
     Manifold,
+    /// Walks of linear-actuator (truss) robots
+    Lar,
 }
 
 impl Suite {
     fn name(self) -> &'static str {
         match self {
             Self::Manifold => "manifold",
+            Self::Lar => "lar",
         }
     }
 
     fn measure(self, arguments: &BenchArguments) -> Result<Results, Error> {
         match self {
             Self::Manifold => manifold::measure(arguments),
+            Self::Lar => lar::measure(arguments),
         }
     }
 }
