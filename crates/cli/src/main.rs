@@ -1,5 +1,5 @@
-//! The program `tensegra`: planning the motion of tensegrity structures from
-//! the command line. Each verb is a module of [`commands`].
+//! The program `tensegra`: planning the motion of tensegrity structures and
+//! truss robots from the command line. Each verb is a module of [`commands`].
 
 mod commands;
 mod failure;
@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Plan the motion of tensegrity structures, and trust the result.
+/// Plan the motion of tensegrity structures and truss robots, and trust the result.
 ///
 /// A problem is a TOML file (structure, obstacles, start, goal), or a .tens
 /// structure file with its .param and .links files beside it.
@@ -18,7 +18,8 @@ use clap::{Parser, Subcommand};
 #[command(after_help = "Examples:\n  \
     tensegra plan fixtures/kite.toml                  plan, check, write out/kite/\n  \
     tensegra info fixtures/kite.toml                  what the structure is\n  \
-    tensegra check out/kite/path.json                 judge a path again\n\n\
+    tensegra walk fixtures/lar/two-tier-s.toml        walk a truss robot, check, write\n  \
+    tensegra check out/kite/path.json                 judge a path or walk again\n\n\
     Exit status: 0 success, 1 no plan found or path refused, 2 bad input.")]
 struct Arguments {
     #[command(subcommand)]
@@ -29,6 +30,7 @@ struct Arguments {
 enum Command {
     Info(commands::info::Arguments),
     Plan(commands::plan::Arguments),
+    Walk(commands::walk::Arguments),
     Check(commands::check::Arguments),
 }
 
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Info(arguments) => commands::info::run(&arguments),
         Command::Plan(arguments) => commands::plan::run(&arguments),
+        Command::Walk(arguments) => commands::walk::run(&arguments),
         Command::Check(arguments) => commands::check::run(&arguments),
     };
     match outcome {

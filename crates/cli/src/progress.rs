@@ -30,6 +30,17 @@ impl Spinner {
     }
 }
 
+impl Spinner {
+    /// A spinner that turns by itself, for work that does not report how far it has come.
+    pub fn steady(label: &str) -> Self {
+        let spinner = Self::new(label);
+        if let Some(bar) = &spinner.bar {
+            bar.enable_steady_tick(Duration::from_millis(100));
+        }
+        spinner
+    }
+}
+
 impl Drop for Spinner {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {

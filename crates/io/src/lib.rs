@@ -63,6 +63,7 @@ mod log;
 mod number;
 mod path_file;
 mod picture;
+mod walk;
 
 pub use atomic::{WriteError, write_atomic};
 pub use bench::{
@@ -80,4 +81,9 @@ pub use picture::{
     Scene, SceneOptions, Series, SpacePlot, Units, View, draw_configuration, draw_forces,
     draw_lengths, draw_paths, draw_rest_lengths, draw_scenes, draw_snapshots, fit_power_law,
     rasterise,
+};
+pub use walk::{
+    TrackingRun, WalkMismatch, WalkReadError, WalkWriteError, draw_gait, draw_grid_plan,
+    draw_margins, draw_track, draw_tracking_error, encode_walk_log, read_format, read_walk_file,
+    write_walk_file, write_walk_log,
 };

@@ -36,8 +36,8 @@ use crate::{
     geometry::{Bounds, attachment_pose, parameters_along, perpendicular, prism_faces},
 };
 
-const WORLD: &str = "world";
-const NANOSECONDS: f64 = 1e9;
+pub(crate) const WORLD: &str = "world";
+pub(crate) const NANOSECONDS: f64 = 1e9;
 
 /// How a motion is logged.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +59,13 @@ impl LogOptions {
         self.duration = seconds;
         self
     }
+
+    pub(crate) fn check(&self) -> Result<(), LogError> {
+        match self.duration > 0.0 && self.duration < 4e9 {
+            true => Ok(()),
+            false => Err(LogError::Duration(self.duration)),
+        }
+    }
 }
 
 /// Why a log was not made or not written.
@@ -68,6 +75,9 @@ pub enum LogError {
     /// The path does not fit the structure.
     #[error(transparent)]
     Path(#[from] PathMismatch),
+    /// The lists of a walk do not fit together.
+    #[error(transparent)]
+    Walk(#[from] crate::walk::WalkMismatch),
     /// The duration is not a positive number of seconds, or longer than a log
     /// can count (2³² s).
     #[error("a log cannot last {0} s; give a duration above 0 and below 4e9 s")]
@@ -112,9 +122,7 @@ pub fn encode_log(
 ) -> Result<Vec<u8>, LogError> {
     let structure = &problem.structure;
     check_path_of(structure, path)?;
-    if !(options.duration > 0.0 && options.duration < 4e9) {
-        return Err(LogError::Duration(options.duration));
-    }
+    options.check()?;
     // A path that passed the check has a configuration.
     let (Some(style), Some(first)) = (Style::new(structure, path), path.configurations.first())
     else {
@@ -154,13 +162,13 @@ pub fn encode_log(
 }
 
 /// An MCAP file in the making.
-struct Log {
+pub(crate) struct Log {
     writer: Writer<Cursor<Vec<u8>>>,
     sequence: u32,
 }
 
 impl Log {
-    fn new() -> Result<Self, LogError> {
+    pub(crate) fn new() -> Result<Self, LogError> {
         let options = WriteOptions::new()
             .compression(Some(Compression::Zstd))
             // Blocks cut by several threads would depend on their number.
@@ -172,7 +180,7 @@ impl Log {
         })
     }
 
-    fn protobuf_channel<T: Encode>(&mut self, topic: &str) -> Result<u16, LogError> {
+    pub(crate) fn protobuf_channel<T: Encode>(&mut self, topic: &str) -> Result<u16, LogError> {
         let schema = T::get_schema()
             .ok_or_else(|| LogError::Encoding(format!("no schema for the topic {topic}")))?;
         let schema = self
@@ -184,7 +192,12 @@ impl Log {
             .add_channel(schema, topic, &encoding, &BTreeMap::new())?)
     }
 
-    fn json_channel(&mut self, topic: &str, name: &str, schema: &Value) -> Result<u16, LogError> {
+    pub(crate) fn json_channel(
+        &mut self,
+        topic: &str,
+        name: &str,
+        schema: &Value,
+    ) -> Result<u16, LogError> {
         let schema = self
             .writer
             .add_schema(name, "jsonschema", schema.to_string().as_bytes())?;
@@ -193,7 +206,7 @@ impl Log {
             .add_channel(schema, topic, "json", &BTreeMap::new())?)
     }
 
-    fn write_protobuf<T: Encode>(
+    pub(crate) fn write_protobuf<T: Encode>(
         &mut self,
         channel: u16,
         time: u64,
@@ -206,7 +219,7 @@ impl Log {
         self.write(channel, time, &bytes)
     }
 
-    fn write(&mut self, channel: u16, time: u64, bytes: &[u8]) -> Result<(), LogError> {
+    pub(crate) fn write(&mut self, channel: u16, time: u64, bytes: &[u8]) -> Result<(), LogError> {
         self.sequence = self.sequence.wrapping_add(1);
         let header = MessageHeader {
             channel_id: channel,
@@ -217,7 +230,7 @@ impl Log {
         Ok(self.writer.write_to_known_channel(&header, bytes)?)
     }
 
-    fn finish(mut self) -> Result<Vec<u8>, LogError> {
+    pub(crate) fn finish(mut self) -> Result<Vec<u8>, LogError> {
         self.writer.finish()?;
         Ok(self.writer.into_inner().into_inner())
     }
@@ -364,13 +377,13 @@ impl Style {
     }
 }
 
-const DARK: Color = Color {
+pub(crate) const DARK: Color = Color {
     r: 0.2,
     g: 0.2,
     b: 0.2,
     a: 1.0,
 };
-const OBSTACLE: Color = Color {
+pub(crate) const OBSTACLE: Color = Color {
     r: 0.6,
     g: 0.6,
     b: 0.6,
@@ -487,14 +500,14 @@ fn plane_patch(
     )
 }
 
-fn update(entities: Vec<SceneEntity>) -> SceneUpdate {
+pub(crate) fn update(entities: Vec<SceneEntity>) -> SceneUpdate {
     SceneUpdate {
         deletions: Vec::new(),
         entities,
     }
 }
 
-fn entity(id: &str, frame: &str, time: u64) -> SceneEntity {
+pub(crate) fn entity(id: &str, frame: &str, time: u64) -> SceneEntity {
     SceneEntity {
         timestamp: Some(timestamp(time)),
         frame_id: frame.to_owned(),
@@ -504,7 +517,11 @@ fn entity(id: &str, frame: &str, time: u64) -> SceneEntity {
 }
 
 /// The cylinder between two points; Foxglove's stands upright around its centre.
-fn cylinder(ends: [na::Point3<f64>; 2], diameter: f64, color: Color) -> CylinderPrimitive {
+pub(crate) fn cylinder(
+    ends: [na::Point3<f64>; 2],
+    diameter: f64,
+    color: Color,
+) -> CylinderPrimitive {
     let axis = ends[1] - ends[0];
     // Opposite directions have many rotations between them; any half turn does.
     let rotation = na::UnitQuaternion::rotation_between(&na::Vector3::z(), &axis)
@@ -523,7 +540,7 @@ fn cylinder(ends: [na::Point3<f64>; 2], diameter: f64, color: Color) -> Cylinder
     }
 }
 
-fn ball(center: &na::Point3<f64>, diameter: f64, color: Color) -> SpherePrimitive {
+pub(crate) fn ball(center: &na::Point3<f64>, diameter: f64, color: Color) -> SpherePrimitive {
     SpherePrimitive {
         pose: Some(pose(&na::Translation3::from(center.coords).into())),
         size: Some(vector(&na::Vector3::repeat(diameter))),
@@ -532,7 +549,7 @@ fn ball(center: &na::Point3<f64>, diameter: f64, color: Color) -> SpherePrimitiv
 }
 
 /// Convex polygons as a list of triangles.
-fn triangles(
+pub(crate) fn triangles(
     polygons: impl IntoIterator<Item = Vec<na::Point3<f64>>>,
     color: Color,
 ) -> TriangleListPrimitive {
@@ -559,7 +576,7 @@ fn timestamp(time: u64) -> Timestamp {
     Timestamp::new(seconds, (time % 1_000_000_000) as u32)
 }
 
-fn point(point: &na::Point3<f64>) -> Point3 {
+pub(crate) fn point(point: &na::Point3<f64>) -> Point3 {
     let [x, y, z] = point.coords.into();
     Point3 { x, y, z }
 }
@@ -578,7 +595,7 @@ fn quaternion(rotation: &na::UnitQuaternion<f64>) -> Quaternion {
     }
 }
 
-fn pose(isometry: &na::Isometry3<f64>) -> Pose {
+pub(crate) fn pose(isometry: &na::Isometry3<f64>) -> Pose {
     Pose {
         position: Some(vector(&isometry.translation.vector)),
         orientation: Some(quaternion(&isometry.rotation)),

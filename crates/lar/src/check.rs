@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, Point2, Rotation3, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::walk::{Visit, Walk};
-use crate::{Constraint, Dimension, Limits, Obstacle};
+use crate::{Constraint, Dimension, Limits, Obstacle, WalkGoal, WalkProblem};
 
 /// What a walk is judged by.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,6 +46,8 @@ pub struct WalkFacts {
     pub obstacles: Vec<Obstacle>,
     /// Distance to keep from them, seen from above.
     pub obstacle_clearance: f64,
+    /// Coordinates that the walk has to start from, if it has to.
+    pub start: Option<Vec<f64>>,
 }
 
 impl WalkFacts {
@@ -62,6 +64,32 @@ impl WalkFacts {
             visit: walk.visit,
             obstacles: walk.obstacles.clone(),
             obstacle_clearance: walk.obstacle_clearance,
+            start: None,
+        }
+    }
+
+    /// The facts of a problem. Waypoints are visited as `visit` says, for that is a matter of the
+    /// planner, unless the problem has a region to end in.
+    #[must_use]
+    pub fn of_problem(problem: &WalkProblem, visit: Visit) -> Self {
+        let robot = &problem.robot;
+        Self {
+            dimension: robot.dimension(),
+            nodes: robot.graph().num_nodes(),
+            edges: robot.graph().members().to_vec(),
+            mass_fractions: robot.mass_fractions().to_vec(),
+            limits: robot.limits().clone(),
+            waypoints: problem.goal.points(),
+            visit: match (&problem.goal, visit) {
+                (WalkGoal::Region { radius, .. }, _) => Visit::CentreOfMass(*radius),
+                (WalkGoal::Waypoints(_), Visit::Support) => Visit::Support,
+                (WalkGoal::Waypoints(_), Visit::CentreOfMass(_)) => {
+                    Visit::CentreOfMass(problem.greedy.waypoint_tolerance)
+                }
+            },
+            obstacles: problem.obstacles.clone(),
+            obstacle_clearance: problem.obstacle_clearance,
+            start: Some(problem.start.coordinates.clone()),
         }
     }
 }
@@ -103,7 +131,8 @@ impl WalkCheckOptions {
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct WalkCheck {
-    /// Whether everything holds.
+    /// Whether everything holds; `ok` in files.
+    #[serde(rename = "ok")]
     pub valid: bool,
     /// What does not, at most 100 entries.
     pub faults: Vec<WalkFault>,
@@ -151,6 +180,8 @@ pub enum WalkFaultKind {
         /// What differs.
         what: String,
     },
+    /// The walk does not start where its problem says.
+    OtherStart,
     /// A physical constraint is violated.
     Violated {
         /// The constraint.
@@ -209,6 +240,82 @@ pub enum WalkFaultKind {
         /// The waypoint.
         waypoint: usize,
     },
+}
+
+impl std::fmt::Display for WalkFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            configuration,
+            between,
+            kind,
+        } = self;
+        if *between {
+            write!(
+                f,
+                "between configurations {configuration} and {}: {kind}",
+                configuration + 1
+            )
+        } else {
+            write!(f, "at configuration {configuration}: {kind}")
+        }
+    }
+}
+
+impl std::fmt::Display for WalkFaultKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Malformed { what } => f.write_str(what),
+            Self::OtherRobot { what } => {
+                write!(f, "the walk is that of another robot: its {what} differ")
+            }
+            Self::OtherStart => f.write_str("the walk does not start where its problem says"),
+            Self::Violated {
+                constraint,
+                violation,
+            } => write!(f, "{constraint} violated by {violation:.3e}"),
+            Self::WrongLength {
+                member,
+                stated,
+                actual,
+            } => write!(
+                f,
+                "member {member} is stated to be {stated} long, its nodes are {actual} apart"
+            ),
+            Self::Clearance {
+                members: [a, b],
+                distance,
+                stated,
+            } => write!(
+                f,
+                "members {a} and {b} are {distance:.6} apart, less than the clearance {stated:.6} \
+                 that the walk states"
+            ),
+            Self::Slides { node, by } => {
+                write!(
+                    f,
+                    "support node {node} slides, or is off the ground, by {by:.3e}"
+                )
+            }
+            Self::Jumps { node, by } => {
+                write!(
+                    f,
+                    "node {node} moves {by:.6} in one step, more than max_move"
+                )
+            }
+            Self::SupportChange => {
+                f.write_str("the support changes other than by a roll that exchanges one node")
+            }
+            Self::RollsTooEarly { inside } => write!(
+                f,
+                "a roll starts with the centre of mass {inside:.3e} inside the side rolled over"
+            ),
+            Self::Obstacle { obstacle, distance } => write!(
+                f,
+                "a member is {distance:.6} from obstacle {obstacle}, seen from above: too close"
+            ),
+            Self::NotVisited { waypoint } => write!(f, "waypoint {waypoint} is not visited"),
+        }
+    }
 }
 
 /// Judges a walk by the facts of its problem. A walk that is malformed beyond reading (a wrong
@@ -356,6 +463,17 @@ impl Checker<'_> {
                     index,
                     "the support does not consist of that many different nodes",
                 );
+            }
+        }
+        if self.verdict.num_faults == 0
+            && let (Some(start), Some(first)) = (&facts.start, walk.configurations.first())
+        {
+            let begins = first.positions.iter().flatten();
+            if !begins
+                .zip(start)
+                .all(|(a, b)| (a - b).abs() <= self.options.tolerance)
+            {
+                self.fault(0, false, WalkFaultKind::OtherStart);
             }
         }
         self.verdict.num_faults == 0

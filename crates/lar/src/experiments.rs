@@ -14,8 +14,10 @@ use rand_pcg::Pcg64;
 use crate::known::RobotAtStart;
 use crate::{
     Constraint, Dimension, GreedyError, GreedyOptions, GreedyPlanner, GreedyStop, GridGoal, Limits,
-    PrimitiveLibrary, RandomRobotError, SupportedMotion, TwoTierError, TwoTierPlanner, Visit, Walk,
-    WalkCheckOptions, WalkContext, WalkFacts, WalkStatistics, check_walk, random_robot,
+    Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveLibrary, PrimitiveOptions,
+    PrimitiveSearch, RandomRobotError, RobotError, SupportedMotion, SymmetricRobot, TwoTierError,
+    TwoTierPlanner, Visit, Walk, WalkCheckOptions, WalkContext, WalkFacts, WalkStatistics,
+    check_walk, find_primitive, random_robot, solve_primitive, unit_k5, unit_octahedron,
 };
 
 /// Random sequences of `length` waypoints in the square from 0 to `side`.
@@ -253,6 +255,94 @@ fn summarise(stop: &GreedyStop) -> String {
     }
 }
 
+/// A one-roll motion of the literature: a robot, the renaming of its nodes in a roll, and a guess
+/// of its shape at the tip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PublishedGait {
+    /// Name.
+    pub name: &'static str,
+    /// The robot in its symmetric stance.
+    pub start: RobotAtStart,
+    /// Node i ends where the mirror image of node `roles[i]` stood.
+    pub roles: &'static [usize],
+    tip: &'static [(usize, [f64; 3])],
+}
+
+impl PublishedGait {
+    /// The three motions of figure 9: K5 rolling, K5 everting, and the octahedron, with limits
+    /// other than the default for the octahedron if given (K5 cannot lose rigidity on its way).
+    ///
+    /// # Errors
+    /// Limits outside their range.
+    pub fn all(octahedron: &Limits) -> Result<[Self; 3], RobotError> {
+        let k5 = unit_k5(Limits::default())?;
+        Ok([
+            Self {
+                name: "K5 rolling",
+                start: k5.clone(),
+                roles: &[4, 1, 2, 3, 0],
+                tip: &[(4, [0.6536, 0.0, 0.5678]), (3, [0.2124, 0.0, 0.2])],
+            },
+            Self {
+                name: "K5 everting",
+                start: k5,
+                roles: &[3, 1, 2, 0, 4],
+                tip: &[(3, [0.7, 0.0, 0.5099]), (4, [0.166, 0.0, 0.75])],
+            },
+            Self {
+                name: "octahedron",
+                start: unit_octahedron(octahedron.clone())?,
+                roles: &[3, 1, 2, 0, 4, 5],
+                tip: &[
+                    (3, [0.815, 0.0, 0.293]),
+                    (4, [0.025, 0.437, 0.804]),
+                    (5, [0.025, -0.437, 0.804]),
+                ],
+            },
+        ])
+    }
+
+    /// The robot with the renaming.
+    ///
+    /// # Errors
+    /// [`PrimitiveError::Symmetry`] if the stance lacks the symmetry, [`PrimitiveError::Sequence`]
+    /// if it does not permit the renaming.
+    pub fn symmetric(&self) -> Result<SymmetricRobot, PrimitiveError> {
+        let RobotAtStart { robot, stance } = &self.start;
+        SymmetricRobot::all(robot, &stance.coordinates, &stance.support)?
+            .into_iter()
+            .find(|symmetric| symmetric.relabelling().roles() == self.roles)
+            .ok_or(PrimitiveError::Sequence)
+    }
+
+    /// The one-roll primitive, found from the guess.
+    ///
+    /// # Errors
+    /// See [`solve_primitive`].
+    pub fn solve(
+        &self,
+        options: &PrimitiveOptions,
+    ) -> Result<(Primitive, PrimitiveAttempt), PrimitiveError> {
+        let mut tip = self.start.stance.coordinates.clone();
+        for (node, position) in self.tip {
+            tip[3 * node..3 * node + 3].copy_from_slice(position);
+        }
+        solve_primitive(&self.symmetric()?, &tip, options)
+    }
+
+    /// The one-roll primitive, found by the generic multi-start, which knows no shape of the tip.
+    ///
+    /// # Errors
+    /// See [`find_primitive`].
+    pub fn search(
+        &self,
+        options: &PrimitiveOptions,
+        seed: u64,
+    ) -> Result<PrimitiveSearch, PrimitiveError> {
+        find_primitive(&self.symmetric()?, options, &mut Pcg64::seed_from_u64(seed))
+    }
+}
+
 /// Slope of the least-squares line through (ln x, ln y): the exponent of a power law.
 #[must_use]
 pub fn power_law_exponent(points: &[(f64, f64)]) -> f64 {
@@ -270,7 +360,6 @@ pub fn power_law_exponent(points: &[(f64, f64)]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::unit_octahedron;
 
     #[test]
     fn trials_are_deterministic_and_judged() {
@@ -285,6 +374,23 @@ mod tests {
             trials,
             greedy_trials(&start, &options, &sequences, || 0.0).unwrap()
         );
+    }
+
+    #[test]
+    fn published_gaits_are_found_from_their_guesses() {
+        let options = PrimitiveOptions::default();
+        for (gait, cost) in PublishedGait::all(&Limits::default())
+            .unwrap()
+            .iter()
+            .zip([0.0622, 0.1979, 0.0247])
+        {
+            let (primitive, _) = gait.solve(&options).unwrap();
+            assert!(
+                (primitive.cost() / cost - 1.0).abs() < 5e-3,
+                "{}",
+                gait.name
+            );
+        }
     }
 
     #[test]

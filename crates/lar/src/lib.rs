@@ -52,6 +52,7 @@ mod framework;
 mod graph;
 mod greedy;
 mod ground_isometry;
+mod interpolation;
 mod kinematics;
 mod known;
 mod limits;
@@ -84,7 +85,9 @@ pub use kinematics::{DifferentialKinematics, GroundContact, KinematicsError};
 pub use known::{RobotAtStart, unit_k5, unit_octahedron};
 pub use limits::{Limits, LimitsError};
 pub use obstacle::{Obstacle, ObstacleError};
-pub use plan::{PlanWalkError, PlannedWalk, plan_two_tier, plan_walk, primitive_library};
+pub use plan::{
+    PlanWalkError, PlannedWalk, plan_two_tier, plan_walk, plan_walk_timed, primitive_library,
+};
 pub use primitive::{
     Gait, GaitSearch, Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveFileError,
     PrimitiveOptions, PrimitiveSearch, Relabelling, SequenceRoll, Stance, SupportedMotion,

@@ -7,9 +7,10 @@ use thiserror::Error;
 
 use crate::greedy::GreedyStop;
 use crate::{
-    GreedyError, GreedyPlanner, PrimitiveError, PrimitiveLibrary, SymmetricRobot, SymmetryError,
-    TwoTierError, TwoTierPlanner, TwoTierWalk, Visit, Walk, WalkCheckOptions, WalkContext,
-    WalkFacts, WalkGoal, WalkPlanner, WalkProblem, WalkStatistics, check_walk, find_primitive,
+    GreedyError, GreedyPlanner, PrimitiveError, PrimitiveLibrary, SupportedMotion, SymmetricRobot,
+    SymmetryError, TwoTierError, TwoTierPlanner, TwoTierWalk, Visit, Walk, WalkCheckOptions,
+    WalkContext, WalkFacts, WalkGoal, WalkPlanner, WalkProblem, WalkStatistics, check_walk,
+    find_primitive,
 };
 
 /// A planned walk, with what a picture of the planning needs.
@@ -17,6 +18,8 @@ use crate::{
 pub struct PlannedWalk {
     /// The walk, with the verdict of the independent check.
     pub walk: Walk,
+    /// The motion that it describes.
+    pub motion: SupportedMotion,
     /// The outcome of two-tier planning: grid, cells and searches.
     pub two_tier: Option<TwoTierWalk>,
 }
@@ -49,7 +52,7 @@ pub enum PlanWalkError {
     },
 }
 
-/// Plans a walk and checks it.
+/// Plans a walk and checks it: [`plan_walk_timed`] without a clock.
 ///
 /// A greedy walk that does not reach its goal is returned as far as it came, with the reason in
 /// its statistics; its check fails.
@@ -75,16 +78,36 @@ pub enum PlanWalkError {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn plan_walk(problem: &WalkProblem) -> Result<PlannedWalk, PlanWalkError> {
-    match problem.planner {
-        WalkPlanner::Greedy => plan_greedy(problem),
-        WalkPlanner::TwoTier => {
-            let library = primitive_library(problem)?;
-            plan_two_tier(problem, &library)
-        }
-    }
+    plan_walk_timed(problem, &|| 0.0)
 }
 
-fn plan_greedy(problem: &WalkProblem) -> Result<PlannedWalk, PlanWalkError> {
+/// Plans a walk and checks it. `clock` tells the time in seconds from any origin; the time that
+/// planning takes, motion primitives included and the check not, goes into the statistics.
+///
+/// # Errors
+/// See [`PlanWalkError`].
+pub fn plan_walk_timed(
+    problem: &WalkProblem,
+    clock: &dyn Fn() -> f64,
+) -> Result<PlannedWalk, PlanWalkError> {
+    let began = clock();
+    let mut planned = match problem.planner {
+        WalkPlanner::Greedy => plan_greedy(problem, clock)?,
+        WalkPlanner::TwoTier => {
+            let library = primitive_library(problem)?;
+            plan_with(problem, &library, clock)?
+        }
+    };
+    planned.walk.statistics.seconds -= began;
+    planned.walk = checked(planned.walk);
+    Ok(planned)
+}
+
+/// The statistics of the walk returned hold the time at which planning ended.
+fn plan_greedy(
+    problem: &WalkProblem,
+    clock: &dyn Fn() -> f64,
+) -> Result<PlannedWalk, PlanWalkError> {
     let points = problem.goal.points();
     let mut options = problem.greedy.clone();
     if let WalkGoal::Region { radius, .. } = problem.goal {
@@ -101,6 +124,7 @@ fn plan_greedy(problem: &WalkProblem) -> Result<PlannedWalk, PlanWalkError> {
         optimisations: outcome.optimisations,
         iterations: outcome.iterations,
         recoveries: outcome.recoveries,
+        seconds: clock(),
         ..WalkStatistics::default()
     };
     let visit = Visit::CentreOfMass(tolerance);
@@ -110,7 +134,8 @@ fn plan_greedy(problem: &WalkProblem) -> Result<PlannedWalk, PlanWalkError> {
         statistics,
     );
     Ok(PlannedWalk {
-        walk: checked(walk),
+        walk,
+        motion: outcome.motion,
         two_tier: None,
     })
 }
@@ -174,6 +199,17 @@ pub fn plan_two_tier(
     problem: &WalkProblem,
     library: &PrimitiveLibrary,
 ) -> Result<PlannedWalk, PlanWalkError> {
+    let mut planned = plan_with(problem, library, &|| 0.0)?;
+    planned.walk = checked(planned.walk);
+    Ok(planned)
+}
+
+/// The statistics of the walk returned hold the time at which planning ended.
+fn plan_with(
+    problem: &WalkProblem,
+    library: &PrimitiveLibrary,
+    clock: &dyn Fn() -> f64,
+) -> Result<PlannedWalk, PlanWalkError> {
     let planner =
         TwoTierPlanner::new(library).with_obstacles(&problem.obstacles, problem.obstacle_clearance);
     let outcome = planner.walk(&problem.start, &problem.goal.grid_goals())?;
@@ -186,6 +222,7 @@ pub fn plan_two_tier(
         planner: "two-tier".to_owned(),
         stop: "arrived".to_owned(),
         reached: points.len(),
+        seconds: clock(),
         ..WalkStatistics::default()
     };
     let walk = Walk::new(
@@ -194,7 +231,8 @@ pub fn plan_two_tier(
         statistics,
     );
     Ok(PlannedWalk {
-        walk: checked(walk),
+        walk,
+        motion: outcome.motion.clone(),
         two_tier: Some(outcome),
     })
 }

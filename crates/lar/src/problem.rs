@@ -4,7 +4,7 @@
 //! name = "around the block"
 //! planner = "two-tier"                 # or "greedy"
 //! seed = 0
-//! waypoints = [[2.0, 1.0], [4.0, 0.5]]
+//! waypoints = [[2.0, 1.0], [4.0, 0.5]] # one number each for a robot in the plane
 //! # or, instead of waypoints, a region to end in:
 //! # goal = { centre = [4.0, 0.5], radius = 0.5 }
 //!
@@ -12,7 +12,7 @@
 //! preset = "octahedron"                # or "k5"; or nodes, members and support as below
 //! centre_of_mass = [0.0, 0.0]          # optional: moves the robot there
 //! # nodes = [[0.0, 0.0, 0.0], …]       # two numbers each for a robot in the plane
-//! # members = [[0, 1], …]              # or "complete"
+//! # members = [[0, 1], …]              # or "complete"; `edges` is the same
 //! # support = [0, 1, 2]
 //! # names = ["left", …]                # optional
 //! # masses = [1.0, …]                  # optional
@@ -50,13 +50,14 @@ use std::ops::Range;
 
 use nalgebra::Point2;
 use serde::Deserialize;
+use serde::de::{Deserializer, SeqAccess, Visitor};
 use thiserror::Error;
 use toml::Spanned;
 
 use crate::known::RobotAtStart;
 use crate::{
-    Dimension, Framework, Graph, GraphError, GreedyObjective, GreedyOptions, GridGoal, Limits,
-    Obstacle, Persistence, PrimitiveOptions, Rigidity, Robot, Stance, Support, unit_k5,
+    Dimension, Framework, Graph, GraphError, GreedyError, GreedyObjective, GreedyOptions, GridGoal,
+    Limits, Obstacle, Persistence, PrimitiveOptions, Rigidity, Robot, Stance, Support, unit_k5,
     unit_octahedron,
 };
 
@@ -169,7 +170,7 @@ struct File {
     planner: WalkPlanner,
     #[serde(default)]
     seed: u64,
-    waypoints: Option<Spanned<Vec<Spanned<[f64; 2]>>>>,
+    waypoints: Option<Spanned<Vec<Spanned<Vec<f64>>>>>,
     goal: Option<Spanned<Region>>,
     robot: Spanned<RobotTable>,
     limits: Option<Spanned<LimitsTable>>,
@@ -183,16 +184,17 @@ struct File {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Region {
-    centre: [f64; 2],
-    radius: f64,
+    centre: Spanned<Vec<f64>>,
+    radius: Spanned<f64>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RobotTable {
     preset: Option<Spanned<Preset>>,
-    centre_of_mass: Option<[f64; 2]>,
+    centre_of_mass: Option<Spanned<Vec<f64>>>,
     nodes: Option<Spanned<Vec<Spanned<Vec<f64>>>>>,
+    #[serde(alias = "edges")]
     members: Option<Spanned<MemberList>>,
     support: Option<Spanned<Vec<usize>>>,
     names: Option<Spanned<Vec<String>>>,
@@ -206,22 +208,52 @@ enum Preset {
     Octahedron,
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(untagged)]
+#[derive(Debug)]
 enum MemberList {
-    List(Vec<[usize; 2]>),
-    Word(String),
+    List(Vec<Spanned<[usize; 2]>>),
+    Complete,
+}
+
+impl<'de> Deserialize<'de> for MemberList {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+
+        impl<'de> Visitor<'de> for Either {
+            type Value = MemberList;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a list of pairs of node numbers, or \"complete\"")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<MemberList, E> {
+                match word {
+                    "complete" => Ok(MemberList::Complete),
+                    other => Err(E::invalid_value(serde::de::Unexpected::Str(other), &self)),
+                }
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<MemberList, A::Error> {
+                let mut members = Vec::new();
+                while let Some(member) = list.next_element()? {
+                    members.push(member);
+                }
+                Ok(MemberList::List(members))
+            }
+        }
+
+        deserializer.deserialize_any(Either)
+    }
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LimitsTable {
-    min_length: Option<f64>,
-    max_length: Option<f64>,
-    min_distance: Option<f64>,
-    min_angle_degrees: Option<f64>,
-    max_move: Option<f64>,
-    min_rigidity: Option<f64>,
+    min_length: Option<Spanned<f64>>,
+    max_length: Option<Spanned<f64>>,
+    min_distance: Option<Spanned<f64>>,
+    min_angle_degrees: Option<Spanned<f64>>,
+    max_move: Option<Spanned<f64>>,
+    min_rigidity: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -243,11 +275,11 @@ enum PersistenceName {
 #[serde(deny_unknown_fields)]
 struct GreedyTable {
     objective: Option<ObjectiveName>,
-    nominal_length: Option<f64>,
-    step: Option<f64>,
-    waypoint_tolerance: Option<f64>,
+    nominal_length: Option<Spanned<f64>>,
+    step: Option<Spanned<f64>>,
+    waypoint_tolerance: Option<Spanned<f64>>,
     persistence: Option<PersistenceName>,
-    max_configurations: Option<usize>,
+    max_configurations: Option<Spanned<usize>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -262,7 +294,7 @@ struct TwoTierTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ObstacleTable {
-    corners: Option<Vec<[f64; 2]>>,
+    corners: Option<Spanned<Vec<[f64; 2]>>>,
     min: Option<[f64; 2]>,
     max: Option<[f64; 2]>,
 }
@@ -324,9 +356,8 @@ impl WalkProblem {
             .map_err(|error| at.error(error.span().unwrap_or(0..0), error.message()))?;
 
         let limits = read_limits(&at, file.limits.as_ref())?;
-        let robot_span = file.robot.span();
         let (robot, node_names, start) = read_robot(&at, &file.robot, &limits)?;
-        check_start(&at, robot_span, &robot, &start)?;
+        check_start(&at, &file.robot, &robot, &start)?;
 
         let mut obstacles = Vec::with_capacity(file.obstacles.len());
         for table in &file.obstacles {
@@ -345,7 +376,13 @@ impl WalkProblem {
         {
             return Err(at.error(table.span(), "obstacles need a robot in space"));
         }
-        let goal = read_goal(&at, &file, &obstacles, obstacle_clearance)?;
+        let goal = read_goal(
+            &at,
+            &file,
+            robot.dimension(),
+            &obstacles,
+            obstacle_clearance,
+        )?;
         let greedy = read_greedy(&at, file.greedy.as_ref(), obstacle_clearance)?;
         let (primitives, smoothing_rolls, roles) =
             read_two_tier(&at, file.two_tier.as_ref(), robot.graph().num_nodes())?;
@@ -376,24 +413,39 @@ fn read_limits(
         return Ok(limits);
     };
     let given = table.get_ref();
+    let value = |field: &Option<Spanned<f64>>| field.as_ref().map(|value| *value.get_ref());
+    let degrees = value(&given.min_angle_degrees);
     for (target, value) in [
-        (&mut limits.min_length, given.min_length),
-        (&mut limits.max_length, given.max_length),
-        (&mut limits.min_distance, given.min_distance),
-        (
-            &mut limits.min_angle,
-            given.min_angle_degrees.map(f64::to_radians),
-        ),
-        (&mut limits.max_move, given.max_move),
+        (&mut limits.min_length, value(&given.min_length)),
+        (&mut limits.max_length, value(&given.max_length)),
+        (&mut limits.min_distance, value(&given.min_distance)),
+        (&mut limits.min_angle, degrees.map(f64::to_radians)),
+        (&mut limits.max_move, value(&given.max_move)),
     ] {
         if let Some(value) = value {
             *target = value;
         }
     }
-    limits.min_rigidity = given.min_rigidity;
-    limits
-        .validate()
-        .map_err(|error| at.error(table.span(), error))?;
+    limits.min_rigidity = value(&given.min_rigidity);
+    limits.validate().map_err(|error| {
+        let field = match error.name {
+            "min_length" => &given.min_length,
+            "max_length" => &given.max_length,
+            "min_distance" => &given.min_distance,
+            "min_angle" => &given.min_angle_degrees,
+            "max_move" => &given.max_move,
+            _ => &given.min_rigidity,
+        };
+        // A default that another limit has ruled out stands nowhere in the file.
+        let span = field.as_ref().map_or_else(|| table.span(), Spanned::span);
+        match degrees {
+            Some(degrees) if error.name == "min_angle" => at.error(
+                span,
+                format!("the limit `min_angle_degrees` is {degrees}: it must lie between 0 and 90"),
+            ),
+            _ => at.error(span, error),
+        }
+    })?;
     Ok(limits)
 }
 
@@ -443,19 +495,50 @@ fn read_robot(
         }
         None => Vec::new(),
     };
-    if let Some([x, y]) = given.centre_of_mass {
-        if !x.is_finite() || !y.is_finite() {
-            return Err(at.error(table.span(), "the centre of mass must be finite"));
-        }
+    if let Some(centre) = &given.centre_of_mass {
+        let place = read_place(at, centre, robot.dimension(), "the centre of mass")?;
         let moved = RobotAtStart {
             robot,
             stance: start,
         }
-        .moved_to([x, y]);
+        .moved_to(place);
         (robot, start) = (moved.robot, moved.stance);
     }
     Ok((robot, names, start))
 }
+
+/// A place on the ground: two finite numbers, one for a robot in the plane.
+fn read_place(
+    at: &Locator<'_>,
+    place: &Spanned<Vec<f64>>,
+    dimension: Dimension,
+    what: &str,
+) -> Result<[f64; 2], WalkProblemError> {
+    let values = place.get_ref();
+    if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+        let message = format!("{what} has the coordinate {value}: give finite numbers");
+        return Err(at.error(place.span(), message));
+    }
+    let wrong = |needed: &str| {
+        let message = format!("{what} has {} coordinates: a robot {needed}", values.len());
+        Err(at.error(place.span(), message))
+    };
+    match (dimension, values.as_slice()) {
+        (Dimension::Three, &[x, y]) => Ok([x, y]),
+        (Dimension::Three, _) => wrong("in space needs two, [x, y]"),
+        // The plane of the robot is that where y is zero.
+        (Dimension::Two, &[x] | &[x, 0.0]) => Ok([x, 0.0]),
+        (Dimension::Two, &[_, y]) => {
+            let message =
+                format!("{what} has y = {y}: a robot in the plane walks along x; give [x]");
+            Err(at.error(place.span(), message))
+        }
+        (Dimension::Two, _) => wrong("in the plane needs one, [x]"),
+    }
+}
+
+/// More members than this would make pairs of members too many to watch.
+const MOST_MEMBERS: usize = 2000;
 
 fn read_explicit_robot(
     at: &Locator<'_>,
@@ -499,15 +582,32 @@ fn read_explicit_robot(
         coordinates.extend_from_slice(position.get_ref());
     }
     let count = nodes.get_ref().len();
-    let graph = match members.get_ref() {
-        MemberList::List(list) => Graph::new(count, list.iter().copied()),
-        MemberList::Word(word) if word == "complete" => Graph::complete(count),
-        MemberList::Word(word) => {
-            let message = format!("`{word}` is not a list of members: give pairs or \"complete\"");
-            return Err(at.error(members.span(), message));
-        }
+    let num_members = match members.get_ref() {
+        MemberList::List(list) => list.len(),
+        MemberList::Complete => count.saturating_mul(count.saturating_sub(1)) / 2,
+    };
+    if num_members > MOST_MEMBERS {
+        let message = format!("{num_members} members are too many: at most {MOST_MEMBERS}");
+        return Err(at.error(members.span(), message));
     }
-    .map_err(|error: GraphError| at.error(members.span(), error))?;
+    let graph = match members.get_ref() {
+        MemberList::List(list) => Graph::new(count, list.iter().map(|member| *member.get_ref())),
+        MemberList::Complete => Graph::complete(count),
+    }
+    .map_err(|error| {
+        let member = |index: usize| match members.get_ref() {
+            MemberList::List(list) => list.get(index).map(Spanned::span),
+            MemberList::Complete => None,
+        };
+        let span = match error {
+            GraphError::NodeOutOfRange { member: index, .. }
+            | GraphError::Loop { member: index, .. }
+            | GraphError::Duplicate { second: index, .. } => member(index),
+            GraphError::FreeNode { node } => nodes.get_ref().get(node).map(Spanned::span),
+            GraphError::TooSmall { .. } => Some(nodes.span()),
+        };
+        at.error(span.unwrap_or_else(|| members.span()), error)
+    })?;
     // Coinciding ends of a member are refused here, with the nodes.
     Framework::new(graph.clone(), dimension, coordinates.clone())
         .map_err(|error| at.error(nodes.span(), error))?;
@@ -524,25 +624,45 @@ fn read_explicit_robot(
     ))
 }
 
-/// A robot that is not rigid, violates a limit or does not stand.
+/// Refuses a robot that is not rigid, violates a limit or does not stand.
 fn check_start(
     at: &Locator<'_>,
-    span: Range<usize>,
+    table: &Spanned<RobotTable>,
     robot: &Robot,
     start: &Stance,
 ) -> Result<(), WalkProblemError> {
+    let given = table.get_ref();
+    let place = |key: Option<Range<usize>>| key.unwrap_or_else(|| table.span());
+    let (nodes, members) = (
+        given.nodes.as_ref().map(Spanned::span),
+        given.members.as_ref().map(Spanned::span),
+    );
     let framework = robot
         .framework(&start.coordinates)
-        .map_err(|error| at.error(span.clone(), error))?;
+        .map_err(|error| at.error(place(nodes.clone()), error))?;
     let rigidity = Rigidity::of(&framework);
     if !rigidity.is_infinitesimally_rigid() {
+        let loose: Vec<String> = rigidity
+            .loose_nodes()
+            .into_iter()
+            .map(|node| {
+                match given
+                    .names
+                    .as_ref()
+                    .and_then(|names| names.get_ref().get(node))
+                {
+                    Some(name) => format!("{node} ({name})"),
+                    None => node.to_string(),
+                }
+            })
+            .collect();
         let message = format!(
             "the robot is not infinitesimally rigid: it has {} mechanism(s), which move nodes \
-             {:?}; add members there",
+             {}; add members there, or move nodes out of a common line or plane",
             rigidity.num_mechanisms(),
-            rigidity.loose_nodes()
+            loose.join(", ")
         );
-        return Err(at.error(span, message));
+        return Err(at.error(place(members), message));
     }
     let violations = robot.violations(&start.coordinates, 1e-6);
     if let Some((constraint, violation)) = violations.first() {
@@ -551,24 +671,31 @@ fn check_start(
              constraint(s) in all): change the positions or the limits",
             violations.len()
         );
-        return Err(at.error(span, message));
+        return Err(at.error(place(nodes), message));
     }
     start
         .support
         .validate(robot, &start.coordinates, 1e-6)
-        .map_err(|error| at.error(span, format!("the robot does not stand: {error}")))
+        .map_err(|error| {
+            let support = given.support.as_ref().map(Spanned::span);
+            at.error(place(support), format!("the robot does not stand: {error}"))
+        })
 }
 
 fn read_obstacle(
     at: &Locator<'_>,
     table: &Spanned<ObstacleTable>,
 ) -> Result<Obstacle, WalkProblemError> {
+    let mut span = table.span();
     let obstacle = match table.get_ref() {
         ObstacleTable {
             corners: Some(corners),
             min: None,
             max: None,
-        } => Obstacle::new(corners),
+        } => {
+            span = corners.span();
+            Obstacle::new(corners.get_ref())
+        }
         ObstacleTable {
             corners: None,
             min: Some(min),
@@ -579,50 +706,48 @@ fn read_obstacle(
             return Err(at.error(table.span(), message));
         }
     };
-    obstacle.map_err(|error| at.error(table.span(), error))
+    obstacle.map_err(|error| at.error(span, error))
 }
 
 fn read_goal(
     at: &Locator<'_>,
     file: &File,
+    dimension: Dimension,
     obstacles: &[Obstacle],
     clearance: f64,
 ) -> Result<WalkGoal, WalkProblemError> {
-    let check =
-        |[x, y]: [f64; 2], span: Range<usize>, what: String| {
-            if !x.is_finite() || !y.is_finite() {
-                return Err(at.error(span, format!("{what} is ({x}, {y}): give finite numbers")));
-            }
-            match obstacles.iter().position(|o| o.contains(&Point2::new(x, y), clearance)) {
+    let read = |place: &Spanned<Vec<f64>>, what: &str| {
+        let [x, y] = read_place(at, place, dimension, what)?;
+        let inside = |obstacle: &Obstacle| obstacle.contains(&Point2::new(x, y), clearance);
+        match obstacles.iter().position(inside) {
             Some(obstacle) => Err(at.error(
-                span,
+                place.span(),
                 format!(
                     "{what} lies inside obstacle {obstacle} or within {clearance} of it: move one \
                      of them"
                 ),
             )),
-            None => Ok(()),
+            None => Ok([x, y]),
         }
-        };
+    };
     match (&file.waypoints, &file.goal) {
         (Some(waypoints), None) => {
-            let points = waypoints.get_ref();
-            if points.is_empty() {
+            if waypoints.get_ref().is_empty() {
                 return Err(at.error(waypoints.span(), "give at least one waypoint"));
             }
-            for (index, point) in points.iter().enumerate() {
-                check(*point.get_ref(), point.span(), format!("waypoint {index}"))?;
-            }
-            Ok(WalkGoal::Waypoints(
-                points.iter().map(|point| *point.get_ref()).collect(),
-            ))
+            let points = waypoints.get_ref().iter().enumerate();
+            points
+                .map(|(index, point)| read(point, &format!("waypoint {index}")))
+                .collect::<Result<_, _>>()
+                .map(WalkGoal::Waypoints)
         }
         (None, Some(goal)) => {
-            let Region { centre, radius } = *goal.get_ref();
-            check(centre, goal.span(), "the centre of the goal".to_owned())?;
+            let Region { centre, radius } = goal.get_ref();
+            let centre = read(centre, "the centre of the goal")?;
+            let (span, radius) = (radius.span(), *radius.get_ref());
             if !(radius > 0.0 && radius.is_finite()) {
                 let message = format!("the radius of the goal is {radius}: it must be positive");
-                return Err(at.error(goal.span(), message));
+                return Err(at.error(span, message));
             }
             Ok(WalkGoal::Region { centre, radius })
         }
@@ -643,30 +768,42 @@ fn read_greedy(
         return Ok(options);
     };
     let given = table.get_ref();
-    let nominal = given.nominal_length.unwrap_or(1.0);
     if let Some(ObjectiveName::NominalLengths) = given.objective {
+        let nominal = given
+            .nominal_length
+            .as_ref()
+            .map_or(1.0, |value| *value.get_ref());
         options.objective = GreedyObjective::NominalLengths(nominal);
-    } else if given.nominal_length.is_some() {
+    } else if let Some(nominal) = &given.nominal_length {
         let message = "`nominal_length` needs objective = \"nominal-lengths\"";
-        return Err(at.error(table.span(), message));
+        return Err(at.error(nominal.span(), message));
     }
-    if let Some(step) = given.step {
-        options.step = step;
+    if let Some(step) = &given.step {
+        options.step = *step.get_ref();
     }
-    if let Some(tolerance) = given.waypoint_tolerance {
-        options.waypoint_tolerance = tolerance;
+    if let Some(tolerance) = &given.waypoint_tolerance {
+        options.waypoint_tolerance = *tolerance.get_ref();
     }
-    if let Some(most) = given.max_configurations {
-        options.max_configurations = most;
+    if let Some(most) = &given.max_configurations {
+        options.max_configurations = *most.get_ref();
     }
     options.persistence = match given.persistence {
         Some(PersistenceName::Stop) => Persistence::Stop,
         Some(PersistenceName::Shrink) => Persistence::Shrink,
         Some(PersistenceName::Recover) | None => Persistence::Recover,
     };
-    options
-        .validate()
-        .map_err(|error| at.error(table.span(), error))?;
+    options.validate().map_err(|error| {
+        let span = match &error {
+            GreedyError::Option { name, .. } => match *name {
+                "step" => given.step.as_ref().map(Spanned::span),
+                "waypoint_tolerance" => given.waypoint_tolerance.as_ref().map(Spanned::span),
+                "max_configurations" => given.max_configurations.as_ref().map(Spanned::span),
+                _ => given.nominal_length.as_ref().map(Spanned::span),
+            },
+            _ => None,
+        };
+        at.error(span.unwrap_or_else(|| table.span()), error)
+    })?;
     Ok(options)
 }
 

@@ -38,6 +38,15 @@ impl SourceFile {
         }
     }
 
+    /// Reads a text file of at most 16 MiB.
+    ///
+    /// # Errors
+    /// [`ReadErrors`] with the reason: no such file, a folder, no text in UTF-8, empty.
+    pub fn read(path: &Path) -> Result<Self, ReadErrors> {
+        let text = crate::files::load(path)?;
+        Ok(Self::new(path, text))
+    }
+
     /// Where the text came from.
     pub fn path(&self) -> &Path {
         &self.path
@@ -134,6 +143,11 @@ impl Finding {
                 span,
             },
         }
+    }
+
+    /// An error about some bytes of a text: for readers of other kinds of files.
+    pub fn error(file: &SourceFile, span: Range<usize>, message: impl Into<String>) -> Self {
+        Self::in_text(Severity::Error, file, span, message)
     }
 
     /// An error about a file as a whole.

@@ -33,7 +33,7 @@ pub(crate) fn exists(path: &Path) -> bool {
     path.try_exists().unwrap_or(true)
 }
 
-fn load(path: &Path) -> Result<String, Finding> {
+pub(crate) fn load(path: &Path) -> Result<String, Finding> {
     let refuse = |message: String| Finding::about_file(path, message);
     let metadata = fs::metadata(path).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => {

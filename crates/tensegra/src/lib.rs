@@ -20,16 +20,20 @@ pub use tensegra_check as check;
 pub use tensegra_collision as collision;
 pub use tensegra_formfinding as formfinding;
 pub use tensegra_io as io;
+pub use tensegra_lar as lar;
 pub use tensegra_model as model;
+pub use tensegra_optim as optim;
 pub use tensegra_sampling as sampling;
 
 mod describe;
 mod endpoint;
 mod planning;
+mod walking;
 
 pub use describe::{Description, describe, find_flaws};
 pub use endpoint::{EndpointError, complete, refine};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
+pub use walking::{is_bad_input, plan_walk, read_walk_problem, simulate_walk};
 
 /// What most programs need.
 pub mod prelude {

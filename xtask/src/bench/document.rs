@@ -16,7 +16,7 @@ pub fn section(suite: &str, results: &Results) -> String {
     text += &format!("{}\n\n", provenance());
     text += &bench_table(&results.rows).to_string();
     if results.picture.is_some() {
-        text += &format!("\n![Distribution of planning times]({suite}.svg)\n");
+        text += &format!("\n![Charts of the suite]({suite}.svg)\n");
     }
     text += "\n### Runs that failed\n\n";
     if results.failures.is_empty() {

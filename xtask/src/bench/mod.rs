@@ -2,6 +2,7 @@
 
 mod document;
 mod implicit;
+mod lar;
 mod manifold;
 
 use std::{fs, path::PathBuf};
@@ -19,6 +20,11 @@ use crate::{Error, root};
 /// are over the successes, and every run that fails is named. Times are CPU
 /// seconds of planning alone, without reading, judging and writing.
 ///
+/// In the suite `lar` the seeds are random sequences of waypoints, 100 unless
+/// said otherwise (at most 20 random robots and 10 multi-starts), --quick takes
+/// 2 and leaves out what is slow, and walks end by their number of
+/// configurations, so that --time-limit has no effect.
+///
 /// Into the folder of results go SUITE.json (the rows), SUITE.md (the table,
 /// beside the figures that others report) and SUITE.svg (the distribution of
 /// planning times). The table is printed as well.
@@ -27,10 +33,10 @@ pub struct BenchArguments {
     /// The suite
     #[arg(long, value_enum, default_value_t = Suite::Manifold)]
     suite: Suite,
-    /// Number of seeds for each case and variant [default: 20, with --quick 5]
+    /// Number of seeds for each case and variant [default: 20, with --quick 5; of `lar` 100 and 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// Only the first case, in its default variant
+    /// Only the first case, in its default variant; of `lar`, a part of each case
     #[arg(long)]
     quick: bool,
     /// Only this case; may be given several times
@@ -108,6 +114,8 @@ enum Suite {
     Manifold,
     /// Paths on other implicit manifolds: a sphere, a chain, a parallel robot
     Implicit,
+    /// Walks of linear-actuator (truss) robots
+    Lar,
 }
 
 impl Suite {
@@ -115,6 +123,7 @@ impl Suite {
         match self {
             Self::Manifold => "manifold",
             Self::Implicit => "implicit",
+            Self::Lar => "lar",
         }
     }
 
@@ -122,6 +131,7 @@ impl Suite {
         match self {
             Self::Manifold => manifold::measure(arguments),
             Self::Implicit => implicit::measure(arguments),
+            Self::Lar => lar::measure(arguments),
         }
     }
 }

@@ -1,26 +1,37 @@
-//! `tensegra check`: the independent judge of a path file.
+//! `tensegra check`: the independent judges of path files and walk files.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use tensegra::{
     check::{CheckOptions, Report, check_path},
-    io::read_path_file,
+    io::{read_format, read_path_file, read_walk_file},
+    lar::{WALK_FORMAT, WalkCheckOptions, WalkFacts, check_walk},
 };
 
-use super::{json_failure, print_json, read_problem};
+use super::{
+    json_failure, print_json, read_problem,
+    walk::{check_json, print_check},
+};
 use crate::failure::Failure;
 
-/// Judge a path: equilibrium, ranges, start and goal, and clearance at and
-/// between the configurations, by code that shares nothing with the planner.
+/// Judge a path or a walk by code that shares nothing with the planner.
 ///
-/// Prints each worst figure and where it occurs.
+/// Of a path: equilibrium, ranges, start and goal, and clearance at and
+/// between the configurations. Of a walk: every constraint at the
+/// configurations and between them, the rule of rolling, standing nodes that do
+/// not slide, waypoints and obstacles. Prints each worst figure.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  tensegra check out/kite/path.json")]
+#[command(after_help = "Examples:\n  \
+    tensegra check out/kite/path.json\n  \
+    tensegra check out/two-tier-s/walk.json --problem fixtures/lar/two-tier-s.toml\n\n\
+    Exit status: 0 accepted, 1 refused, 2 bad input.")]
 pub struct Arguments {
-    /// Path file (JSON) written by `tensegra plan`.
+    /// Path file (JSON) written by `tensegra plan`, or walk file written by
+    /// `tensegra walk`; its member `format` tells which.
     path: PathBuf,
-    /// Problem to judge it against [default: the one that the path names].
+    /// Problem to judge it against [default: the one that the path names; for a
+    /// walk, the robot, limits and waypoints that it states itself].
     #[arg(long)]
     problem: Option<PathBuf>,
     /// Print one JSON object.
@@ -30,6 +41,9 @@ pub struct Arguments {
 
 /// Runs the verb.
 pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
+    if read_format(&arguments.path).as_deref() == Some(WALK_FORMAT) {
+        return run_walk(arguments).map_err(|failure| json_failure(arguments.json, "ok", failure));
+    }
     let report = judge(&arguments.path, arguments.problem.as_deref())
         .map_err(|failure| json_failure(arguments.json, "ok", failure))?;
     if arguments.json {
@@ -45,6 +59,21 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
         println!("{report}");
     }
     Ok(report.ok)
+}
+
+fn run_walk(arguments: &Arguments) -> Result<bool, Failure> {
+    let walk = read_walk_file(&arguments.path).map_err(Failure::message)?;
+    let facts = match &arguments.problem {
+        Some(problem) => WalkFacts::of_problem(&tensegra::read_walk_problem(problem)?, walk.visit),
+        None => WalkFacts::of(&walk),
+    };
+    let check = check_walk(&facts, &walk, &WalkCheckOptions::default());
+    if arguments.json {
+        print_json(&check_json(&check));
+    } else {
+        print_check(&check, &walk);
+    }
+    Ok(check.valid)
 }
 
 fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {

@@ -3,13 +3,17 @@
 pub mod check;
 pub mod info;
 pub mod plan;
+pub mod walk;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use tensegra::model::{self, Problem};
 
 use crate::failure::Failure;
+
+/// Pixels to a CSS pixel in PNG pictures.
+const PNG_SCALE: f64 = 2.0;
 
 /// Coordinates of the equilibrium manifold.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -58,4 +62,49 @@ pub fn json_failure(json: bool, verdict: &str, failure: Failure) -> Failure {
         print_json(&serde_json::json!({ verdict: false, "error": failure.text() }));
     }
     failure
+}
+
+/// Reads a range of seeds from the command line.
+fn parse_seeds(text: &str) -> Result<(u64, u64), String> {
+    let wrong = || format!("`{text}` is no range of seeds; write A..B with A ≤ B, such as 1..20");
+    let (a, b) = text.split_once("..").ok_or_else(wrong)?;
+    let b = b.strip_prefix('=').unwrap_or(b);
+    let (a, b) = (
+        a.parse().map_err(|_| wrong())?,
+        b.parse().map_err(|_| wrong())?,
+    );
+    if a <= b { Ok((a, b)) } else { Err(wrong()) }
+}
+
+/// Reads a positive number of seconds from the command line.
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
+        _ => Err(format!(
+            "`{text}` is no time; give a positive number of seconds"
+        )),
+    }
+}
+
+/// Refuses an output folder that cannot be written into.
+fn require_writable(folder: &Path) -> Result<(), Failure> {
+    let unwritable = |error: std::io::Error| {
+        Failure::Message(format!(
+            "cannot write into `{}`: {error}; choose another folder with --out",
+            folder.display()
+        ))
+    };
+    std::fs::create_dir_all(folder).map_err(unwritable)?;
+    tempfile::tempfile_in(folder).map(drop).map_err(unwritable)
+}
+
+/// Prints the names of the files written.
+fn print_written(files: &[PathBuf]) {
+    for (i, file) in files.iter().enumerate() {
+        println!(
+            "{:<18} {}",
+            if i == 0 { "written" } else { "" },
+            file.display()
+        );
+    }
 }

@@ -16,13 +16,14 @@ use tensegra::{
     sampling::{Statistics, StopCounts},
 };
 
-use super::{Formulation, formulation_name, json_failure, print_json, read_problem};
+use super::{
+    Formulation, PNG_SCALE, formulation_name, json_failure, parse_seconds, parse_seeds, print_json,
+    print_written, read_problem, require_writable,
+};
 use crate::{failure::Failure, progress::Spinner};
 
 /// Snapshots between start and goal in the picture of the motion.
 const SNAPSHOTS: usize = 4;
-/// Pixels to a CSS pixel in PNG pictures.
-const PNG_SCALE: f64 = 2.0;
 
 /// Plan a motion from the problem's start to its goal, judge it, and write it.
 ///
@@ -68,26 +69,6 @@ enum Planner {
     TwoTrees,
     /// AtlasRRT with a tree from the start.
     OneTree,
-}
-
-fn parse_seeds(text: &str) -> Result<(u64, u64), String> {
-    let wrong = || format!("`{text}` is no range of seeds; write A..B with A ≤ B, such as 1..20");
-    let (a, b) = text.split_once("..").ok_or_else(wrong)?;
-    let b = b.strip_prefix('=').unwrap_or(b);
-    let (a, b) = (
-        a.parse().map_err(|_| wrong())?,
-        b.parse().map_err(|_| wrong())?,
-    );
-    if a <= b { Ok((a, b)) } else { Err(wrong()) }
-}
-
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
-        _ => Err(format!(
-            "`{text}` is no time; give a positive number of seconds"
-        )),
-    }
 }
 
 /// One run of the planner with what was made of it.
@@ -163,17 +144,6 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
             plan_one(&problem, &folder, pictures)
         })
         .collect()
-}
-
-fn require_writable(folder: &Path) -> Result<(), Failure> {
-    let unwritable = |error: std::io::Error| {
-        Failure::Message(format!(
-            "cannot write into `{}`: {error}; choose another folder with --out",
-            folder.display()
-        ))
-    };
-    std::fs::create_dir_all(folder).map_err(unwritable)?;
-    tempfile::tempfile_in(folder).map(drop).map_err(unwritable)
 }
 
 fn plan_one(problem: &Problem, folder: &Path, pictures: bool) -> Result<Outcome, Failure> {
@@ -402,13 +372,7 @@ fn print_solved(seed: u64, solved: &Solved) {
             println!("                   {}", failure.message);
         }
     }
-    for (i, file) in solved.files.iter().enumerate() {
-        println!(
-            "{:<18} {}",
-            if i == 0 { "written" } else { "" },
-            file.display()
-        );
-    }
+    print_written(&solved.files);
 }
 
 fn effort_text(plan: &Plan) -> String {

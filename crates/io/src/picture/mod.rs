@@ -62,6 +62,9 @@ pub enum PictureError {
     /// The path does not fit the structure.
     #[error(transparent)]
     Path(#[from] crate::consistency::PathMismatch),
+    /// The lists of a walk do not fit together.
+    #[error(transparent)]
+    Walk(#[from] crate::walk::WalkMismatch),
     /// A quantity that an element or node does not have.
     #[error("{0} has no value; choose a quantity that every configuration has")]
     NoValue(String),

@@ -23,12 +23,14 @@ use crate::{
     number::significant,
 };
 
-/// What one panel of a picture shows: members, joints, and solids.
+/// What one panel of a picture shows: members, joints, solids, and where it stands.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     members: Vec<Member>,
     joints: Vec<Joint>,
     solids: Vec<Placed>,
+    supports: Vec<Vec<Point3<f64>>>,
+    centres: Vec<Point3<f64>>,
 }
 
 /// A straight member between two points.
@@ -134,6 +136,19 @@ impl Scene {
         self
     }
 
+    /// This scene with a support polygon, a filled area under everything; two corners make a
+    /// line.
+    pub fn support(mut self, corners: Vec<Point3<f64>>) -> Self {
+        self.supports.push(corners);
+        self
+    }
+
+    /// This scene with a centre of mass, and a plumb line from it to the ground.
+    pub fn centre_of_mass(mut self, at: Point3<f64>) -> Self {
+        self.centres.push(at);
+        self
+    }
+
     /// Points that the picture has room for.
     fn points(&self, camera: &Camera) -> Vec<Point3<f64>> {
         let ends = self.members.iter().flat_map(|member| member.ends);
@@ -145,7 +160,13 @@ impl Scene {
                 .into_iter()
                 .flatten()
         });
-        ends.chain(joints).chain(solids).collect()
+        let supports = self.supports.iter().flatten().copied();
+        let centres = self.centres.iter().copied();
+        ends.chain(joints)
+            .chain(solids)
+            .chain(supports)
+            .chain(centres)
+            .collect()
     }
 }
 
@@ -433,6 +454,8 @@ const fn color_of(kind: ElementKind) -> Rgb {
 }
 
 const MOVING: Rgb = Rgb(157, 190, 214);
+const SUPPORT: Rgb = Rgb(0, 158, 115);
+const CENTRE: Rgb = Rgb(213, 94, 0);
 
 /// Entries of the legend for what the panels show.
 fn samples(panels: &[(String, Scene)]) -> Vec<Sample<'static>> {
@@ -451,6 +474,12 @@ fn samples(panels: &[(String, Scene)]) -> Vec<Sample<'static>> {
         if scenes().any(|scene| scene.solids.iter().any(|s| s.moves == moves)) {
             samples.push(Sample::Area(name, color));
         }
+    }
+    if scenes().any(|scene| !scene.supports.is_empty()) {
+        samples.push(Sample::Area("support polygon", SUPPORT));
+    }
+    if scenes().any(|scene| !scene.centres.is_empty()) {
+        samples.push(Sample::Dot("centre of mass", CENTRE));
     }
     samples
 }
@@ -490,6 +519,9 @@ impl Panel {
                 self.draw_ground(&mut canvas, &(placed.pose * point), &(placed.pose * normal));
             }
         }
+        for corners in &scene.supports {
+            self.draw_support(&mut canvas, corners);
+        }
         let solids = self.solids(scene);
         for solid in &solids {
             solid.draw(&mut canvas, &|point| self.page(point));
@@ -518,6 +550,9 @@ impl Panel {
             );
         }
         self.draw_joints(&mut canvas, scene, hiding);
+        for centre in &scene.centres {
+            self.draw_centre(&mut canvas, centre);
+        }
         if names {
             self.draw_names(&mut canvas, scene, &ends);
         }
@@ -751,6 +786,34 @@ impl Panel {
                     .halo(),
             );
         }
+    }
+
+    fn draw_support(&self, canvas: &mut Canvas, corners: &[Point3<f64>]) {
+        let places: Vec<Place> = corners
+            .iter()
+            .map(|corner| self.page(&self.camera.see(corner)))
+            .collect();
+        if let [from, to] = places.as_slice() {
+            canvas.line(*from, *to, Stroke::new(SUPPORT, 5.0).round());
+            return;
+        }
+        let outline = Stroke::new(SUPPORT, 0.9);
+        canvas.polygon(&places, Fill::new(SUPPORT).opacity(0.28).outline(outline));
+    }
+
+    /// A dot, and a plumb line to a cross on the ground.
+    fn draw_centre(&self, canvas: &mut Canvas, centre: &Point3<f64>) {
+        const ARM: f64 = 3.2;
+        let at = self.page(&self.camera.see(centre));
+        let ground = Point3::new(centre.x, centre.y, 0.0);
+        let foot = self.page(&self.camera.see(&ground));
+        canvas.line(at, foot, Stroke::new(CENTRE, 1.1).dash("2 2"));
+        for side in [-1.0, 1.0] {
+            let [from, to] = [-ARM, ARM].map(|arm| [foot[0] + arm, foot[1] + side * arm]);
+            canvas.line(from, to, Stroke::new(CENTRE, 1.3));
+        }
+        let fill = Fill::new(CENTRE).outline(Stroke::new(INK, 0.9));
+        canvas.circle(at, 3.4, fill);
     }
 
     /// The plane of a half-space under the scene, as a grid; the half-space

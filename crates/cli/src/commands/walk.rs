@@ -1,0 +1,447 @@
+//! `tensegra walk`: plans the walk of a truss robot, judges it, and writes it for other tools.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use tensegra::{
+    io::{
+        LogOptions, Picture, TrackingRun, draw_gait, draw_grid_plan, draw_margins, draw_track,
+        draw_tracking_error, write_walk_file, write_walk_log,
+    },
+    lar::{
+        DynamicsOptions, DynamicsReport, PlannedWalk, Walk, WalkCheck, WalkPlanner, WalkProblem,
+    },
+};
+
+use super::{
+    PNG_SCALE, json_failure, parse_seconds, parse_seeds, print_json, print_written,
+    require_writable,
+};
+use crate::{failure::Failure, progress::Spinner};
+
+/// Seconds that a step takes in the log.
+const SECONDS_OF_STEP: f64 = 0.04;
+const UNIT: &str = "units of length";
+
+/// Plan the walk of a linear-actuator (truss) robot along waypoints or into a goal region, judge
+/// it, and write it.
+///
+/// A problem is a TOML file: robot (a preset, or nodes, members and support), limits, waypoints or
+/// goal, obstacles, planner. Writes into the output folder: walk.json (the walk), walk.mcap (for
+/// Foxglove), and pictures as SVG and PNG: gait (snapshots), track (centre of mass and support
+/// polygons), margins (what is left to each limit), plan (the search over the grid, two-tier),
+/// and with --simulate tracking (error of an execution by controlled actuators).
+///
+/// A greedy walk that gets stuck is written as far as it came.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    tensegra walk fixtures/lar/two-tier-blocks.toml\n  \
+    tensegra walk fixtures/lar/greedy-s.toml --out /tmp/s --json\n  \
+    tensegra walk fixtures/lar/two-tier-s.toml --simulate=2,6,12\n  \
+    tensegra walk fixtures/lar/two-tier-s.toml --seeds 1..5\n\n\
+    Exit status: 0 solved and accepted by the judge, 1 not, 2 bad input.")]
+pub struct Arguments {
+    /// Walk problem (.toml).
+    problem: PathBuf,
+    /// Planner [default: the problem's].
+    #[arg(long, value_enum)]
+    planner: Option<Planner>,
+    /// Seed of the search for motion primitives [default: the problem's]; the greedy planner makes
+    /// no random choices.
+    #[arg(long, conflicts_with = "seeds")]
+    seed: Option<u64>,
+    /// Plan with every seed from A to B (both included), two-tier only; each seed writes its
+    /// walk.json and walk.mcap into a folder of its own, without pictures.
+    #[arg(long, value_name = "A..B", value_parser = parse_seeds)]
+    seeds: Option<(u64, u64)>,
+    /// Run the walk on a robot of 1 kg nodes with length-controlled actuators, a roll in each of
+    /// these times, lengths being metres [without times: 2,4,6,8,12].
+    #[arg(
+        long,
+        value_name = "S,…",
+        num_args = 0..,
+        require_equals = true,
+        value_delimiter = ',',
+        default_missing_values = ["2", "4", "6", "8", "12"],
+        value_parser = parse_seconds,
+        conflicts_with = "seeds"
+    )]
+    simulate: Option<Vec<f64>>,
+    /// Output folder [default: out/NAME].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object (with --seeds, an array of them).
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Planner {
+    /// One small optimisation a step.
+    Greedy,
+    /// A path of support polygons walked by motion primitives.
+    TwoTier,
+}
+
+/// One run of the planner with what was made of it.
+struct Outcome {
+    seed: u64,
+    planner: WalkPlanner,
+    /// The error says why there is no walk at all.
+    result: Result<Planned, String>,
+}
+
+struct Planned {
+    walk: Walk,
+    check: WalkCheck,
+    simulations: Vec<(f64, DynamicsReport)>,
+    write_seconds: f64,
+    files: Vec<PathBuf>,
+}
+
+/// Runs the verb.
+pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
+    let outcomes =
+        plan_all(arguments).map_err(|failure| json_failure(arguments.json, "solved", failure))?;
+    if arguments.json {
+        let mut values: Vec<Value> = outcomes.iter().map(as_json).collect();
+        if arguments.seeds.is_some() {
+            print_json(&Value::Array(values));
+        } else if let Some(value) = values.pop() {
+            print_json(&value);
+        }
+    } else if arguments.seeds.is_some() {
+        print_many(&outcomes);
+    } else {
+        outcomes.iter().for_each(print_one);
+    }
+    let solved = |outcome: &Outcome| matches!(&outcome.result, Ok(planned) if planned.check.valid);
+    Ok(outcomes.iter().all(solved))
+}
+
+fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
+    let mut problem = tensegra::read_walk_problem(&arguments.problem)?;
+    if let Some(planner) = arguments.planner {
+        problem.planner = match planner {
+            Planner::Greedy => WalkPlanner::Greedy,
+            Planner::TwoTier => WalkPlanner::TwoTier,
+        };
+    }
+    if arguments.seeds.is_some() && problem.planner == WalkPlanner::Greedy {
+        return Err(Failure::Message(
+            "the greedy planner makes no random choices, every seed gives the same walk; leave \
+             out --seeds, or give --planner two-tier"
+                .to_owned(),
+        ));
+    }
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new("out").join(&problem.name));
+    // An unwritable folder is found before the work, not after it.
+    require_writable(&out)?;
+    let first = arguments.seed.unwrap_or(problem.seed);
+    let (first, last) = arguments.seeds.unwrap_or((first, first));
+    (first..=last)
+        .map(|seed| {
+            problem.seed = seed;
+            let folder = match arguments.seeds {
+                Some(_) => out.join(format!("seed-{seed}")),
+                None => out.clone(),
+            };
+            plan_one(&problem, &folder, arguments)
+        })
+        .collect()
+}
+
+fn plan_one(
+    problem: &WalkProblem,
+    folder: &Path,
+    arguments: &Arguments,
+) -> Result<Outcome, Failure> {
+    let spinner = Spinner::steady(&format!("planning {}", problem.name));
+    let result = tensegra::plan_walk(problem);
+    drop(spinner);
+    let outcome = |result| Outcome {
+        seed: problem.seed,
+        planner: problem.planner,
+        result,
+    };
+    let planned = match result {
+        Ok(planned) => planned,
+        Err(error) if tensegra::is_bad_input(&error) => {
+            let file = arguments.problem.display();
+            return Err(Failure::Message(format!("{file}: {error}")));
+        }
+        Err(error) => return Ok(outcome(Err(error.to_string()))),
+    };
+    let mut simulations = Vec::new();
+    if let Some(times) = &arguments.simulate {
+        let spinner = Spinner::steady("simulating");
+        let reports =
+            tensegra::simulate_walk(problem, &planned, times, &DynamicsOptions::default())
+                .map_err(Failure::message)?;
+        drop(spinner);
+        simulations = times.iter().copied().zip(reports).collect();
+    }
+    let clock = Instant::now();
+    let pictures = arguments.seeds.is_none();
+    let files = write(problem, &planned, &simulations, folder, pictures)?;
+    let check = planned.walk.check.clone().unwrap_or_default();
+    Ok(outcome(Ok(Planned {
+        walk: planned.walk,
+        check,
+        simulations,
+        write_seconds: clock.elapsed().as_secs_f64(),
+        files,
+    })))
+}
+
+/// Writes walk, log and pictures; returns their names, the walk first.
+fn write(
+    problem: &WalkProblem,
+    planned: &PlannedWalk,
+    simulations: &[(f64, DynamicsReport)],
+    folder: &Path,
+    pictures: bool,
+) -> Result<Vec<PathBuf>, Failure> {
+    let walk = &planned.walk;
+    let mut files = vec![folder.join("walk.json"), folder.join("walk.mcap")];
+    write_walk_file(&files[0], walk).map_err(Failure::message)?;
+    let duration = SECONDS_OF_STEP * walk.configurations.len() as f64;
+    write_walk_log(&files[1], walk, &LogOptions::default().duration(duration))
+        .map_err(Failure::message)?;
+    if !pictures {
+        return Ok(files);
+    }
+    let margins = Walk::margins(&problem.robot, &planned.motion);
+    let mut drawn = vec![
+        ("gait", draw_gait(walk, UNIT)),
+        ("track", draw_track(walk, UNIT)),
+        ("margins", draw_margins(walk, &margins, UNIT)),
+    ];
+    if let Some(plan) = &planned.two_tier {
+        drawn.push(("plan", draw_grid_plan(walk, plan, UNIT)));
+    }
+    if !simulations.is_empty() {
+        drawn.push(("tracking", draw_tracking_error(&runs(walk, simulations))));
+    }
+    for (name, picture) in drawn {
+        let picture: Picture = picture.map_err(Failure::message)?;
+        let [svg, png] = ["svg", "png"].map(|kind| folder.join(format!("{name}.{kind}")));
+        picture.write_svg(&svg).map_err(Failure::message)?;
+        picture
+            .write_png(&png, PNG_SCALE)
+            .map_err(Failure::message)?;
+        files.extend([svg, png]);
+    }
+    Ok(files)
+}
+
+fn runs(walk: &Walk, simulations: &[(f64, DynamicsReport)]) -> Vec<TrackingRun> {
+    let run = |(seconds, report): &(f64, DynamicsReport)| TrackingRun {
+        name: walk.name.clone(),
+        seconds_of_roll: *seconds,
+        mean_error: report.mean_error,
+        errors: report.errors.clone(),
+    };
+    simulations.iter().map(run).collect()
+}
+
+const fn planner_name(planner: WalkPlanner) -> &'static str {
+    match planner {
+        WalkPlanner::Greedy => "greedy",
+        WalkPlanner::TwoTier => "two-tier",
+    }
+}
+
+/// A verdict as JSON, with one sentence a fault for those who only want to know why.
+pub fn check_json(check: &WalkCheck) -> Value {
+    let mut value = json!(check);
+    value["reasons"] = check.faults.iter().map(|f| json!(f.to_string())).collect();
+    value
+}
+
+fn as_json(outcome: &Outcome) -> Value {
+    let planner = planner_name(outcome.planner);
+    match &outcome.result {
+        Ok(planned) => {
+            let (walk, statistics) = (&planned.walk, &planned.walk.statistics);
+            let simulations: Vec<Value> = planned
+                .simulations
+                .iter()
+                .map(|(seconds, report)| {
+                    json!({
+                        "seconds_of_roll": seconds,
+                        "mean_error": report.mean_error,
+                        "largest_error": report.largest_error,
+                        "peak_force": report.peak_force,
+                        "tipping_time": report.tipping_time,
+                    })
+                })
+                .collect();
+            json!({
+                "solved": planned.check.valid,
+                "planner": planner,
+                "seed": outcome.seed,
+                "stop": statistics.stop,
+                "steps": walk.configurations.len().saturating_sub(1),
+                "rolls": walk.rolls.len(),
+                "waypoints": walk.waypoints.len(),
+                "reached": statistics.reached,
+                "cost": statistics.cost,
+                "actuation": statistics.actuation,
+                "distance": statistics.distance,
+                "planning_seconds": statistics.seconds,
+                "smallest_clearance": statistics.certified_clearance,
+                "path": planned.files[0],
+                "files": planned.files,
+                "simulations": simulations,
+                "check": check_json(&planned.check),
+            })
+        }
+        Err(error) => json!({
+            "solved": false,
+            "planner": planner,
+            "seed": outcome.seed,
+            "error": error,
+            "steps": null,
+            "rolls": null,
+            "cost": null,
+            "planning_seconds": null,
+            "smallest_clearance": null,
+            "path": null,
+            "check": null,
+        }),
+    }
+}
+
+fn print_one(outcome: &Outcome) {
+    let planned = match &outcome.result {
+        Ok(planned) => planned,
+        Err(error) => {
+            println!("not solved         {error}");
+            return;
+        }
+    };
+    let (walk, statistics) = (&planned.walk, &planned.walk.statistics);
+    let label = if planned.check.valid {
+        "solved"
+    } else {
+        "not solved"
+    };
+    println!(
+        "{label:<18} {}: {}, {} of {} waypoints reached",
+        planner_name(outcome.planner),
+        statistics.stop,
+        statistics.reached,
+        walk.waypoints.len()
+    );
+    println!(
+        "time               planning {:.4} s, writing {:.3} s",
+        statistics.seconds, planned.write_seconds
+    );
+    println!(
+        "walk               {} steps, {} rolls, straight distance {:.3}",
+        walk.configurations.len().saturating_sub(1),
+        walk.rolls.len(),
+        statistics.distance
+    );
+    println!(
+        "cost               {:.3} (steps × Σ‖ΔL‖²/distance), Σ‖ΔL‖² {:.4}",
+        statistics.cost, statistics.actuation
+    );
+    if outcome.planner == WalkPlanner::Greedy {
+        println!(
+            "optimisations      {}, {} iterations, {} recoveries",
+            statistics.optimisations, statistics.iterations, statistics.recoveries
+        );
+    }
+    for (seconds, report) in &planned.simulations {
+        println!(
+            "simulated          {seconds} s a roll: mean error {:.2} cm, largest {:.2} cm, peak \
+             force {:.0} N",
+            100.0 * report.mean_error,
+            100.0 * report.largest_error,
+            report.peak_force
+        );
+    }
+    print_check(&planned.check, walk);
+    print_written(&planned.files);
+}
+
+/// Prints a verdict with its worst figures.
+pub fn print_check(check: &WalkCheck, walk: &Walk) {
+    if let Some(clearance) = walk.statistics.certified_clearance {
+        println!("clearance          {clearance:.6} between members, certified for the motion");
+    }
+    for (label, figure) in [
+        ("  least sampled", check.least_distance),
+        ("lowest node", check.least_height),
+        ("worst violation", check.worst_violation),
+        ("support slides", Some(check.worst_slide)),
+    ] {
+        if let Some(figure) = figure {
+            println!("{label:<18} {figure:.3e}");
+        }
+    }
+    println!(
+        "waypoints          {} of {} visited in order",
+        check.visited,
+        walk.waypoints.len()
+    );
+    if check.valid {
+        println!(
+            "check              accepted by the independent judge, {} positions sampled",
+            check.samples
+        );
+        return;
+    }
+    const SHOWN: usize = 10;
+    println!("check              REFUSED by the independent judge");
+    for fault in check.faults.iter().take(SHOWN) {
+        println!("                   {fault}");
+    }
+    if check.num_faults > SHOWN {
+        println!("                   and {} more", check.num_faults - SHOWN);
+    }
+}
+
+fn print_many(outcomes: &[Outcome]) {
+    println!("  seed  solved  check     planning s    steps    rolls     cost  clearance");
+    let mut costs = Vec::new();
+    for outcome in outcomes {
+        match &outcome.result {
+            Ok(Planned { walk, check, .. }) => {
+                let statistics = &walk.statistics;
+                if check.valid {
+                    costs.push(statistics.cost);
+                }
+                println!(
+                    "{:>6}  {:<6}  {:<8} {:>11.4} {:>8} {:>8} {:>8.3} {:>10}",
+                    outcome.seed,
+                    if check.valid { "yes" } else { "NO" },
+                    if check.valid { "accepted" } else { "REFUSED" },
+                    statistics.seconds,
+                    walk.configurations.len().saturating_sub(1),
+                    walk.rolls.len(),
+                    statistics.cost,
+                    statistics
+                        .certified_clearance
+                        .map_or_else(|| "-".to_owned(), |clearance| format!("{clearance:.4}")),
+                );
+            }
+            Err(error) => println!("{:>6}  NO      {error}", outcome.seed),
+        }
+    }
+    costs.sort_by(f64::total_cmp);
+    if let Some(median) = tensegra::io::quantile(&costs, 0.5) {
+        println!(
+            "{} of {} solved; median cost {median:.3}",
+            costs.len(),
+            outcomes.len()
+        );
+    }
+}
