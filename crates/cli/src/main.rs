@@ -18,6 +18,7 @@ use clap::{Parser, Subcommand};
 #[command(after_help = "Examples:\n  \
     tensegra plan fixtures/kite.toml                  plan, check, write out/kite/\n  \
     tensegra info fixtures/kite.toml                  what the structure is\n  \
+    tensegra formfind fixtures/formfinding/prism.toml  find a stable shape\n  \
     tensegra check out/kite/path.json                 judge a path again\n\n\
     Exit status: 0 success, 1 no plan found or path refused, 2 bad input.")]
 struct Arguments {
@@ -29,6 +30,7 @@ struct Arguments {
 enum Command {
     Info(commands::info::Arguments),
     Plan(commands::plan::Arguments),
+    Formfind(commands::formfind::Arguments),
     Check(commands::check::Arguments),
 }
 
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Info(arguments) => commands::info::run(&arguments),
         Command::Plan(arguments) => commands::plan::run(&arguments),
+        Command::Formfind(arguments) => commands::formfind::run(&arguments),
         Command::Check(arguments) => commands::check::run(&arguments),
     };
     match outcome {

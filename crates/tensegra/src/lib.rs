@@ -18,16 +18,19 @@
 pub use tensegra_atlas as atlas;
 pub use tensegra_check as check;
 pub use tensegra_collision as collision;
+pub use tensegra_formfinding as formfinding;
 pub use tensegra_io as io;
 pub use tensegra_model as model;
 pub use tensegra_sampling as sampling;
 
 mod describe;
 mod endpoint;
+mod forms;
 mod planning;
 
 pub use describe::{Description, describe, find_flaws};
 pub use endpoint::{EndpointError, complete, refine};
+pub use forms::{FormOptions, JudgedForms, find_endpoints, formfind};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
 
 /// What most programs need.

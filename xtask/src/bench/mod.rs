@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: measured figures beside those of others.
 
 mod document;
+mod formfinding;
 mod manifold;
 
 use std::{fs, path::PathBuf};
@@ -89,18 +90,22 @@ impl BenchArguments {
 enum Suite {
     /// Paths on equilibrium manifolds of tensegrity structures
     Manifold,
+    /// Stable forms: from conditions alone, free of collisions
+    Formfinding,
 }
 
 impl Suite {
     fn name(self) -> &'static str {
         match self {
             Self::Manifold => "manifold",
+            Self::Formfinding => "formfinding",
         }
     }
 
     fn measure(self, arguments: &BenchArguments) -> Result<Results, Error> {
         match self {
             Self::Manifold => manifold::measure(arguments),
+            Self::Formfinding => formfinding::measure(arguments),
         }
     }
 }

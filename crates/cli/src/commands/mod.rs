@@ -1,6 +1,7 @@
 //! The verbs of the program.
 
 pub mod check;
+pub mod formfind;
 pub mod info;
 pub mod plan;
 
@@ -58,4 +59,16 @@ pub fn json_failure(json: bool, verdict: &str, failure: Failure) -> Failure {
         print_json(&serde_json::json!({ verdict: false, "error": failure.text() }));
     }
     failure
+}
+
+/// Refuses a folder that cannot be written into, before the work and not after it.
+pub fn require_writable(folder: &Path) -> Result<(), Failure> {
+    let unwritable = |error: std::io::Error| {
+        Failure::Message(format!(
+            "cannot write into `{}`: {error}; choose another folder with --out",
+            folder.display()
+        ))
+    };
+    std::fs::create_dir_all(folder).map_err(unwritable)?;
+    tempfile::tempfile_in(folder).map(drop).map_err(unwritable)
 }

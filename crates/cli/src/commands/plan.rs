@@ -16,7 +16,9 @@ use tensegra::{
     sampling::{Statistics, StopCounts},
 };
 
-use super::{Formulation, formulation_name, json_failure, print_json, read_problem};
+use super::{
+    Formulation, formulation_name, json_failure, print_json, read_problem, require_writable,
+};
 use crate::{failure::Failure, progress::Spinner};
 
 /// Snapshots between start and goal in the picture of the motion.
@@ -165,19 +167,13 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         .collect()
 }
 
-fn require_writable(folder: &Path) -> Result<(), Failure> {
-    let unwritable = |error: std::io::Error| {
-        Failure::Message(format!(
-            "cannot write into `{}`: {error}; choose another folder with --out",
-            folder.display()
-        ))
-    };
-    std::fs::create_dir_all(folder).map_err(unwritable)?;
-    tempfile::tempfile_in(folder).map(drop).map_err(unwritable)
-}
-
 fn plan_one(problem: &Problem, folder: &Path, pictures: bool) -> Result<Outcome, Failure> {
     let mut spinner = Spinner::new(&format!("planning {}, seed {}", problem.name, problem.seed));
+    let found = match tensegra::find_endpoints(problem) {
+        Ok(found) => found,
+        Err(error) => return Err(Failure::message(PlanningError::from(error))),
+    };
+    let problem = found.as_ref();
     let result = tensegra::plan(problem, &mut spinner);
     drop(spinner);
     let plan = match result {
