@@ -684,6 +684,7 @@ mod tests {
             name: format!("n{index}"),
             balanced: index != 4,
             load: Vector3::new(0.1, -0.2, 0.05 * index as f64),
+            mass: 0.0,
         };
         let anchor = |node: usize, x: f64, y: f64| Anchor {
             local: Point3::new(x, y, 0.0),

@@ -19,6 +19,7 @@ use clap::{Parser, Subcommand};
     tensegra plan fixtures/kite.toml                  plan, check, write out/kite/\n  \
     tensegra info fixtures/kite.toml                  what the structure is\n  \
     tensegra walk fixtures/lar/two-tier-s.toml        walk a truss robot, check, write\n  \
+    tensegra formfind fixtures/formfinding/prism.toml  find a stable shape\n  \
     tensegra check out/kite/path.json                 judge a path or walk again\n\n\
     Exit status: 0 success, 1 no plan found or path refused, 2 bad input.")]
 struct Arguments {
@@ -31,6 +32,7 @@ enum Command {
     Info(commands::info::Arguments),
     Plan(commands::plan::Arguments),
     Walk(commands::walk::Arguments),
+    Formfind(commands::formfind::Arguments),
     Check(commands::check::Arguments),
 }
 
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
         Command::Info(arguments) => commands::info::run(&arguments),
         Command::Plan(arguments) => commands::plan::run(&arguments),
         Command::Walk(arguments) => commands::walk::run(&arguments),
+        Command::Formfind(arguments) => commands::formfind::run(&arguments),
         Command::Check(arguments) => commands::check::run(&arguments),
     };
     match outcome {

@@ -211,6 +211,8 @@ pub struct StructureBuilder {
     pub(crate) elements: Vec<ElementSpec>,
     pub(crate) fixed: Vec<(String, usize, f64)>,
     pub(crate) loads: Vec<(String, Vector3<f64>)>,
+    pub(crate) masses: Vec<(String, f64)>,
+    pub(crate) gravity: Vector3<f64>,
     pub(crate) supports: Vec<String>,
     pub(crate) couplings: Vec<CouplingSpec>,
     pub(crate) attachments: Vec<AttachmentSpec>,
@@ -234,6 +236,8 @@ impl StructureBuilder {
             elements: Vec::new(),
             fixed: Vec::new(),
             loads: Vec::new(),
+            masses: Vec::new(),
+            gravity: Vector3::zeros(),
             supports: Vec::new(),
             couplings: Vec::new(),
             attachments: Vec::new(),
@@ -345,6 +349,18 @@ impl StructureBuilder {
         self
     }
 
+    /// Adds a mass at a node; several add up. With [`gravity`](Self::gravity) its weight is a load.
+    pub fn mass(mut self, node: &str, mass: f64) -> Self {
+        self.masses.push((node.to_string(), mass));
+        self
+    }
+
+    /// The acceleration of gravity: the weights of the masses join the loads of balanced nodes.
+    pub fn gravity(mut self, acceleration: [f64; 3]) -> Self {
+        self.gravity = acceleration.into();
+        self
+    }
+
     /// Exempts a node from force balance: a true support that takes any reaction.
     pub fn support(mut self, node: &str) -> Self {
         self.supports.push(node.to_string());
@@ -453,6 +469,8 @@ impl Build {
             elements,
             fixed,
             loads,
+            masses,
+            gravity,
             supports,
             couplings,
             attachments,
@@ -469,6 +487,7 @@ impl Build {
         let fixed = self.gauge(base_range.is_some(), &fixed);
         self.supports(&supports);
         self.loads(&loads);
+        self.weights(&masses, gravity);
         let couplings = couplings
             .iter()
             .enumerate()
@@ -527,6 +546,7 @@ impl Build {
             name: name.to_string(),
             balanced: true,
             load: Vector3::zeros(),
+            mass: 0.0,
         });
         self.node_indices.insert(name.to_string(), index);
         index
@@ -634,8 +654,11 @@ impl Build {
         let natural = spec.kind.natural_force();
         let declared = spec.force.unwrap_or(natural);
         let constant = spec.length.is_constant();
-        let rigid = matches!(spec.kind, ElementKind::Strut | ElementKind::Bar)
-            || (spec.kind == ElementKind::Cable && constant);
+        let rigid = match spec.kind {
+            ElementKind::Strut => true,
+            ElementKind::Bar | ElementKind::Cable => constant,
+            ElementKind::Spring | ElementKind::Prismatic => false,
+        };
 
         if spec.length.hi == 0.0 {
             self.error(at(ElementPart::Length), subject, Flaw::NoLength);
@@ -866,6 +889,39 @@ impl Build {
                 self.error(place, subject, StructureFlaw::LoadAtSupport { node });
             } else {
                 self.nodes[node].load += force;
+            }
+        }
+    }
+
+    /// Masses, and their weights as loads; a support takes the weight of its own mass.
+    fn weights(&mut self, masses: &[(String, f64)], gravity: Vector3<f64>) {
+        let flaw = gravity
+            .iter()
+            .find_map(|&value| not_finite("gravity", value))
+            .or(
+                (self.dimension == 2 && gravity.z != 0.0).then_some(StructureFlaw::OutOfPlane {
+                    quantity: "gravity along z",
+                    value: gravity.z,
+                }),
+            );
+        if let Some(flaw) = flaw {
+            self.error(Place::Gravity, "structure", flaw);
+            return;
+        }
+        for (index, (name, mass)) in masses.iter().enumerate() {
+            let place = Place::Mass(index);
+            let subject = format!("mass at node `{name}`");
+            let Some(node) = self.known_node(place, &subject, name) else {
+                continue;
+            };
+            if let Some(flaw) = bad_size("mass", Interval::constant(*mass)) {
+                self.error(place, subject, flaw);
+                continue;
+            }
+            let node = &mut self.nodes[node];
+            node.mass += mass;
+            if node.balanced {
+                node.load += gravity * *mass;
             }
         }
     }

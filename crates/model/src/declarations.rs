@@ -30,6 +30,8 @@ pub(crate) struct Spans {
     pub(crate) elements: Vec<ElementSpans>,
     pub(crate) fixed: Vec<Span>,
     pub(crate) loads: Vec<Span>,
+    pub(crate) masses: Vec<Span>,
+    pub(crate) gravity: Span,
     pub(crate) supports: Vec<Span>,
     pub(crate) base_range: Span,
     pub(crate) pretension: Option<Span>,
@@ -71,6 +73,8 @@ impl Spans {
             }
             Place::FixedCoordinate(index) => self.fixed[index].clone(),
             Place::Load(index) => self.loads[index].clone(),
+            Place::Mass(index) => self.masses[index].clone(),
+            Place::Gravity => self.gravity.clone(),
             Place::Support(index) => self.supports[index].clone(),
             Place::BaseRange => self.base_range.clone(),
             Place::Pretension => self.pretension.as_ref().unwrap_or(&self.structure).clone(),

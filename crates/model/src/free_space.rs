@@ -55,6 +55,15 @@ impl End {
             Self::FromLast(d) => (1.0 - d / length).clamp(0.0, 1.0),
         }
     }
+
+    /// By how much the end's distance from the first node grows with the length.
+    fn slope(self, length: f64) -> f64 {
+        match self {
+            Self::Fraction(f) => f,
+            Self::FromFirst(d) => f64::from(u8::from(d >= length)),
+            Self::FromLast(d) => f64::from(u8::from(d < length)),
+        }
+    }
 }
 
 /// A capsule that moves with the structure.
@@ -554,6 +563,146 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         self.scene.pairs[contact].bodies
     }
 
+    /// Number of contacts: pairs of simple bodies of which the collision pairs are made.
+    pub fn contact_count(&self) -> usize {
+        self.scene.pairs.len()
+    }
+
+    /// Nodes on whose positions the clearance of a contact depends.
+    pub fn contact_nodes(&self, contact: usize) -> Vec<usize> {
+        let capsule = |capsule: usize| match &self.scene.capsules[capsule] {
+            MovingCapsule::Element { nodes, .. } => nodes.to_vec(),
+            MovingCapsule::Attached { attachment, .. } => {
+                self.scene.frames[*attachment].nodes.to_vec()
+            }
+        };
+        let attached = |solid: usize| {
+            let attachment = self.scene.attached[solid].attachment;
+            self.scene.frames[attachment].nodes.to_vec()
+        };
+        let mut nodes = match self.scene.pairs[contact].primitives {
+            Primitives::Capsules(i, j) => [capsule(i), capsule(j)].concat(),
+            Primitives::CapsuleObstacle(i, _) => capsule(i),
+            Primitives::CapsuleAttached(i, s) => [capsule(i), attached(s)].concat(),
+            Primitives::AttachedObstacle(s, _) => attached(s),
+            Primitives::AttachedAttached(s, r) => [attached(s), attached(r)].concat(),
+        };
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// Writes the clearances of all contacts at x; the memory then holds x.
+    pub fn clearances(&self, x: &[f64], memory: &mut Memory, clearances: &mut [f64]) {
+        self.place(x, &mut memory.state);
+        for (pair, clearance) in self.scene.pairs.iter().zip(clearances) {
+            *clearance = self.scene.contact(pair, &memory.state).clearance;
+        }
+    }
+
+    /// The clearance of a contact at the point that the memory holds. Appends its gradients with
+    /// respect to node positions; a node may occur more than once. `None` where the bodies touch
+    /// in such a way that no direction separates them.
+    pub fn clearance_gradient(
+        &self,
+        contact: usize,
+        memory: &Memory,
+        gradients: &mut Vec<(usize, Vector3<f64>)>,
+    ) -> Option<f64> {
+        self.gradients_of(contact, &memory.state, gradients)
+    }
+
+    fn gradients_of(
+        &self,
+        contact: usize,
+        state: &State,
+        gradients: &mut Vec<(usize, Vector3<f64>)>,
+    ) -> Option<f64> {
+        let pair = &self.scene.pairs[contact];
+        let found = self.scene.contact(pair, state);
+        let n = found.normal;
+        if !found.clearance.is_finite() || n.norm_squared() == 0.0 {
+            return None;
+        }
+        match pair.primitives {
+            Primitives::Capsules(i, j) => {
+                self.capsule_gradients(i, found.s, n, state, gradients);
+                self.capsule_gradients(j, found.t, -n, state, gradients);
+            }
+            Primitives::CapsuleObstacle(i, _) => {
+                self.capsule_gradients(i, found.s, n, state, gradients);
+            }
+            Primitives::CapsuleAttached(i, s) => {
+                self.capsule_gradients(i, found.s, n, state, gradients);
+                self.attached_gradients(s, &found.on_b, -n, state, gradients)?;
+            }
+            Primitives::AttachedObstacle(s, _) => {
+                self.attached_gradients(s, &found.on_a, n, state, gradients)?;
+            }
+            Primitives::AttachedAttached(s, r) => {
+                self.attached_gradients(s, &found.on_a, n, state, gradients)?;
+                self.attached_gradients(r, &found.on_b, -n, state, gradients)?;
+            }
+        }
+        Some(found.clearance)
+    }
+
+    /// Gradients of nᵀ x for the point x at the fraction s of a capsule's axis.
+    fn capsule_gradients(
+        &self,
+        capsule: usize,
+        s: f64,
+        n: Vector3<f64>,
+        state: &State,
+        gradients: &mut Vec<(usize, Vector3<f64>)>,
+    ) {
+        match &self.scene.capsules[capsule] {
+            MovingCapsule::Element {
+                nodes: [a, b],
+                ends,
+                ..
+            } => {
+                let d = state.positions[*b] - state.positions[*a];
+                let length = d.norm();
+                let along = |f: fn(End, f64) -> f64| {
+                    let (first, last) = (f(ends[0], length), f(ends[1], length));
+                    first + s * (last - first)
+                };
+                let f = along(End::fraction);
+                let mut by_last = n * f;
+                if length > 0.0 {
+                    // Ends at a constant distance from a node do not follow the element's extension.
+                    let stretched = (along(End::slope) - f) / (length * length);
+                    by_last += d * (stretched * n.dot(&d));
+                }
+                gradients.extend([(*a, n - by_last), (*b, by_last)]);
+            }
+            MovingCapsule::Attached {
+                attachment, ends, ..
+            } => {
+                let coordinates = ends[0] + (ends[1] - ends[0]) * s;
+                let frame = &self.scene.frames[*attachment];
+                gradients.extend(frame.gradients(&coordinates, &n, &state.positions));
+            }
+        }
+    }
+
+    /// Gradients of nᵀ x for a point x of an attached solid.
+    fn attached_gradients(
+        &self,
+        solid: usize,
+        at: &Point3<f64>,
+        n: Vector3<f64>,
+        state: &State,
+        gradients: &mut Vec<(usize, Vector3<f64>)>,
+    ) -> Option<()> {
+        let frame = &self.scene.frames[self.scene.attached[solid].attachment];
+        let axes = frame.world_axes(&state.positions).try_inverse()?;
+        let coordinates = axes * (at - state.positions[frame.nodes[0]]);
+        gradients.extend(frame.gradients(&coordinates, &n, &state.positions));
+        Some(())
+    }
+
     fn state(&self, x: &[f64]) -> State {
         let mut state = self.scene.state(self.manifold.structure().nodes.len());
         self.place(x, &mut state);
@@ -733,63 +882,13 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
     }
 
     fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {
-        let pair = &self.scene.pairs[contact];
-        let state = self.state(x);
-        let found = self.scene.contact(pair, &state);
-        let n = found.normal / self.size;
-        if !found.clearance.is_finite() || n.norm_squared() == 0.0 {
-            return None;
+        let mut gradients = Vec::with_capacity(6);
+        let clearance = self.gradients_of(contact, &self.state(x), &mut gradients)?;
+        for (_, gradient) in &mut gradients {
+            *gradient /= self.size;
         }
-        let gradients = std::cell::RefCell::new(Vec::with_capacity(6));
-        let add_capsule =
-            |capsule: usize, s: f64, n: Vector3<f64>| match &self.scene.capsules[capsule] {
-                MovingCapsule::Element {
-                    nodes: [a, b],
-                    ends,
-                    ..
-                } => {
-                    let length = (state.positions[*b] - state.positions[*a]).norm();
-                    let (first, last) = (ends[0].fraction(length), ends[1].fraction(length));
-                    let f = first + s * (last - first);
-                    gradients
-                        .borrow_mut()
-                        .extend([(*a, n * (1.0 - f)), (*b, n * f)]);
-                }
-                MovingCapsule::Attached {
-                    attachment, ends, ..
-                } => {
-                    let coordinates = ends[0] + (ends[1] - ends[0]) * s;
-                    let frame = &self.scene.frames[*attachment];
-                    let parts = frame.gradients(&coordinates, &n, &state.positions);
-                    gradients.borrow_mut().extend(parts);
-                }
-            };
-        let add_attached = |solid: usize, at: &Point3<f64>, n: Vector3<f64>| -> Option<()> {
-            let frame = &self.scene.frames[self.scene.attached[solid].attachment];
-            let axes = frame.world_axes(&state.positions).try_inverse()?;
-            let coordinates = axes * (at - state.positions[frame.nodes[0]]);
-            let parts = frame.gradients(&coordinates, &n, &state.positions);
-            gradients.borrow_mut().extend(parts);
-            Some(())
-        };
-        match pair.primitives {
-            Primitives::Capsules(i, j) => {
-                add_capsule(i, found.s, n);
-                add_capsule(j, found.t, -n);
-            }
-            Primitives::CapsuleObstacle(i, _) => add_capsule(i, found.s, n),
-            Primitives::CapsuleAttached(i, s) => {
-                add_capsule(i, found.s, n);
-                add_attached(s, &found.on_b, -n)?;
-            }
-            Primitives::AttachedObstacle(s, _) => add_attached(s, &found.on_a, n)?,
-            Primitives::AttachedAttached(s, r) => {
-                add_attached(s, &found.on_a, n)?;
-                add_attached(r, &found.on_b, -n)?;
-            }
-        }
-        self.manifold.pull_back(x, &gradients.into_inner(), row);
-        Some((found.clearance - self.least) / self.size)
+        self.manifold.pull_back(x, &gradients, row);
+        Some((clearance - self.least) / self.size)
     }
 
     fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {

@@ -15,6 +15,7 @@ mod effort;
 mod environment;
 mod equilibrium;
 mod files;
+mod form;
 mod free_space;
 mod problem;
 mod problem_file;
@@ -35,6 +36,7 @@ pub use equilibrium::{
     DirectionsManifold, ElementQuantity, EquationCounts, EquilibriumError, EquilibriumManifold,
     NodesManifold,
 };
+pub use form::{FormCondition, FormCost, FormSettings};
 pub use free_space::{BodyError, Closest, FreeSpace, Memory};
 pub use problem::{Endpoint, Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius};
 pub use stability::{Actuation, Stability, Stable};

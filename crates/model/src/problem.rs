@@ -7,6 +7,7 @@ use nalgebra::Point3;
 use crate::{
     diagnostic::{Finding, ReadErrors, SourceFile},
     environment::Environment,
+    form::{FormCondition, FormSettings},
     problem_file,
     stability::Actuation,
     structure::Structure,
@@ -146,6 +147,12 @@ pub struct Problem {
     pub start: Option<Endpoint>,
     /// Where it ends.
     pub goal: Option<Endpoint>,
+    /// What is asked of the start, where it is to be found by form-finding.
+    pub start_form: Option<Vec<FormCondition>>,
+    /// The same of the goal.
+    pub goal_form: Option<Vec<FormCondition>>,
+    /// Settings of form-finding.
+    pub form: FormSettings,
     /// Parameters of planning.
     pub settings: PlannerSettings,
     /// Seed of every random choice.
@@ -166,6 +173,9 @@ impl Problem {
             environment: Environment::default(),
             start: None,
             goal: None,
+            start_form: None,
+            goal_form: None,
+            form: FormSettings::default(),
             settings: PlannerSettings::default(),
             seed: 0,
             files: Vec::new(),

@@ -54,8 +54,10 @@ pub struct Node {
     /// Whether the forces at the node must balance. `false` makes it a true
     /// support that takes any reaction.
     pub balanced: bool,
-    /// Constant external force at the node.
+    /// Constant external force at the node, the weight of its mass included.
     pub load: Vector3<f64>,
+    /// Mass at the node.
+    pub mass: f64,
 }
 
 /// What an element is; decides the sign of its force and how it is drawn.
@@ -63,7 +65,7 @@ pub struct Node {
 pub enum ElementKind {
     /// Constant length, in compression.
     Strut,
-    /// Constant length, tension or compression.
+    /// Tension or compression; of constant length, or elastic with an actuated rest length.
     Bar,
     /// In tension; of constant length, or elastic with an actuated rest length.
     Cable,

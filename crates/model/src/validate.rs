@@ -16,6 +16,10 @@ pub enum Place {
     FixedCoordinate(usize),
     /// A load.
     Load(usize),
+    /// A mass.
+    Mass(usize),
+    /// Gravity.
+    Gravity,
     /// A node that is exempt from force balance.
     Support(usize),
     /// The half ranges of a free-flying structure.
@@ -336,7 +340,7 @@ impl StructureFlaw {
             Self::Loop { .. } => "an element joins two different nodes",
             Self::EmptyRange { .. } => "the smaller end comes first",
             Self::LengthVaries { .. } => {
-                "give one number, or use a prismatic strut, a cable or a spring"
+                "give one number, or use a bar, a prismatic strut, a cable or a spring"
             }
             Self::LengthConstant { .. } => "give a range [shortest, longest]",
             Self::NotElastic { .. } => {

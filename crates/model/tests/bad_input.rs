@@ -180,7 +180,7 @@ fn several_errors_in_one_run() {
             (10, 1, "s2", "element `s2` has no length", ""),
             (11, 1, "c1", "element `c1` has no length", "length = "),
             (6, 15, "[1, 0, 0, 0]", "[x, y] is expected here", ""),
-            (14, 12, "true", "not available yet", "state the nodes"),
+            (14, 12, "true", "a table is expected here", ""),
         ],
     );
 }

@@ -542,9 +542,45 @@ fn slips_are_refused_where_they_stand() {
         ),
         (
             "",
-            "[start]\nformfind = {}",
-            "form-finding of a start or goal is not available yet",
+            "[start]\nformfind = { nodes = { q = [0, 0] } }",
+            "there is no node `q`",
         ),
+        (
+            "",
+            "[goal]\nformfind = { points = [{ of = [\"a\"] }] }",
+            "`of` and `at` are expected here",
+        ),
+        (
+            "",
+            "[formfind]\nlengths = { c1 = [2, 1] }",
+            "this range holds no number",
+        ),
+        (
+            "",
+            "[formfind]\nforces = { c9 = 1 }",
+            "there is no element `c9`",
+        ),
+        (
+            "",
+            "[formfind]\nrest_lengths = { s1 = 1 }",
+            "`s1` has no rest length",
+        ),
+        (
+            "",
+            "[formfind]\nsymmetry = [{ nodes = [[\"a\"]] }]",
+            "either `turn` or `mirror` is expected here",
+        ),
+        (
+            "",
+            "[formfind]\nposes = { plate = { position = [0, 0, 0] } }",
+            "there is no attachment `plate`",
+        ),
+        (
+            "",
+            "[formfind]\nclearance = -1",
+            "a distance that is not negative is expected here",
+        ),
+        ("", "[formfind]\nstart = 3", "there is no key `start` here"),
         (
             "",
             "[planner]\nstep = 0",

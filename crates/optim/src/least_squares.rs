@@ -15,8 +15,8 @@
 //! m may be less than n: the step is then (in the limit of small μ) the shortest one in the norm
 //! ‖D d‖, so that a point near a solution set is projected on it.
 //!
-//! Cost of an iteration: 2n²(m − n/3) operations for the QR factorisation of J, and 2n³/3 for each
-//! trial value of μ (mostly one).
+//! Cost of an iteration: 2n²(m − n/3) operations for the QR factorisation of J, rows of zeros not
+//! counted, and 2n³/3 for each trial value of μ (mostly one).
 
 use crate::error::{OptionError, ProblemError};
 use crate::options::options;
@@ -370,7 +370,9 @@ impl LevenbergMarquardt {
 #[derive(Debug, Clone, Default)]
 struct Factorisation {
     n: usize,
-    /// J D⁻¹ overwritten by R, column-major m × n.
+    /// Which rows of J differ from zero.
+    counts: Vec<bool>,
+    /// Those rows of J D⁻¹ overwritten by R, column-major m × n.
     columns: Vec<f64>,
     m: usize,
     /// Qᵀr.
@@ -385,14 +387,26 @@ struct Factorisation {
 impl Factorisation {
     /// Householder QR of J D⁻¹, applied to r.
     fn factorise(&mut self, jacobian: &DMatrix<f64>, scales: &[f64], residuals: &[f64]) {
-        let (m, n) = jacobian.shape();
-        (self.m, self.n) = (m, n);
+        // A row of zeros, such as that of an inequality that is met, has no part in the step.
+        self.counts.clear();
+        self.counts.resize(jacobian.nrows(), false);
+        for column in jacobian.column_iter() {
+            for (counts, value) in self.counts.iter_mut().zip(column.iter()) {
+                *counts |= *value != 0.0;
+            }
+        }
+        let counts = &self.counts;
+        let kept = |(i, value): (usize, &f64)| counts[i].then_some(*value);
         self.columns.clear();
         for (column, scale) in jacobian.column_iter().zip(scales) {
-            self.columns.extend(column.iter().map(|v| v / scale));
+            let column = column.iter().enumerate().filter_map(kept);
+            self.columns.extend(column.map(|value| value / scale));
         }
         self.rotated.clear();
-        self.rotated.extend_from_slice(residuals);
+        self.rotated
+            .extend(residuals.iter().enumerate().filter_map(kept));
+        let (m, n) = (self.rotated.len(), jacobian.ncols());
+        (self.m, self.n) = (m, n);
         for k in 0..n.min(m) {
             let (before, after) = self.columns.split_at_mut((k + 1) * m);
             let column = &mut before[k * m + k..];

@@ -46,6 +46,8 @@ pub struct Description {
 /// [`PlanningError`] when the structure is contradictory or the start cannot be
 /// put in equilibrium.
 pub fn describe(problem: &Problem) -> Result<Description, PlanningError> {
+    let found = crate::find_endpoints(problem)?;
+    let problem = found.as_ref();
     let structure = &problem.structure;
     let start = problem
         .start
@@ -154,6 +156,11 @@ fn statics_counts(structure: &Structure, at: &Configuration) -> (usize, usize) {
 /// What would keep the problem from being planned: endpoints that are missing,
 /// in collision or out of range. Each is a sentence.
 pub fn find_flaws(problem: &Problem) -> Vec<String> {
+    let found = match crate::find_endpoints(problem) {
+        Ok(found) => found,
+        Err(error) => return vec![PlanningError::from(error).to_string()],
+    };
+    let problem = found.as_ref();
     let mut flaws = Vec::new();
     for (which, endpoint) in [("start", &problem.start), ("goal", &problem.goal)] {
         if endpoint.is_none() {

@@ -2,6 +2,7 @@
 
 use cpu_time::ThreadTime;
 use tensegra_atlas::{ChartDomain, ManifoldError};
+use tensegra_formfinding::FormError;
 use tensegra_model::{
     Body, BodyError, Configuration, DirectionsManifold, Endpoint, EquilibriumError,
     EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PlannerKind, Problem,
@@ -9,7 +10,10 @@ use tensegra_model::{
 };
 use tensegra_sampling::{AtlasRrt, Observer, PlanError, PlannerOptions, SampleRadius, Statistics};
 
-use crate::endpoint::{EndpointError, complete, refine};
+use crate::{
+    endpoint::{EndpointError, complete, refine},
+    forms::find_endpoints,
+};
 
 /// A path, and how it was found.
 #[derive(Clone, Debug)]
@@ -53,6 +57,14 @@ pub enum PlanningError {
     /// Start or goal is refused.
     #[error(transparent)]
     Endpoint(#[from] EndpointError),
+    /// Start or goal was to be found by form-finding, and was not.
+    #[error("the {which} is not found: {error}")]
+    Form {
+        /// "start" or "goal".
+        which: &'static str,
+        /// Why.
+        error: FormError,
+    },
     /// Start or goal is in collision.
     #[error("the {which} is in collision: {a} and {b} overlap by {depth:.3e}")]
     Collision {
@@ -91,6 +103,12 @@ pub enum PlanningError {
     /// The planner refused an endpoint or found no path.
     #[error(transparent)]
     Planner(#[from] PlanError),
+}
+
+impl From<(&'static str, FormError)> for PlanningError {
+    fn from((which, error): (&'static str, FormError)) -> Self {
+        Self::Form { which, error }
+    }
 }
 
 impl PlanningError {
@@ -225,6 +243,8 @@ pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
 /// path was found, with statistics.
 pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, PlanningError> {
     let clock = ThreadTime::now();
+    let found = find_endpoints(problem)?;
+    let problem = found.as_ref();
     let settings = &problem.settings;
     let Prepared { grounded, goal } = prepare(problem)?;
     let Grounded {

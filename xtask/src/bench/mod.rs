@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: measured figures beside those of others.
 
 mod document;
+mod formfinding;
 mod implicit;
 mod lar;
 mod manifold;
@@ -116,6 +117,8 @@ enum Suite {
     Implicit,
     /// Walks of linear-actuator (truss) robots
     Lar,
+    /// Stable forms: from conditions alone, free of collisions
+    Formfinding,
 }
 
 impl Suite {
@@ -124,6 +127,7 @@ impl Suite {
             Self::Manifold => "manifold",
             Self::Implicit => "implicit",
             Self::Lar => "lar",
+            Self::Formfinding => "formfinding",
         }
     }
 
@@ -132,6 +136,7 @@ impl Suite {
             Self::Manifold => manifold::measure(arguments),
             Self::Implicit => implicit::measure(arguments),
             Self::Lar => lar::measure(arguments),
+            Self::Formfinding => formfinding::measure(arguments),
         }
     }
 }

@@ -12,6 +12,7 @@ pub fn node(name: &str) -> Node {
         name: name.to_owned(),
         balanced: true,
         load: Vector3::zeros(),
+        mass: 0.0,
     }
 }
 

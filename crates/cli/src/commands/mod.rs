@@ -1,6 +1,7 @@
 //! The verbs of the program.
 
 pub mod check;
+pub mod formfind;
 pub mod info;
 pub mod plan;
 pub mod walk;

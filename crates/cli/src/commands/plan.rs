@@ -148,6 +148,11 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
 
 fn plan_one(problem: &Problem, folder: &Path, pictures: bool) -> Result<Outcome, Failure> {
     let mut spinner = Spinner::new(&format!("planning {}, seed {}", problem.name, problem.seed));
+    let found = match tensegra::find_endpoints(problem) {
+        Ok(found) => found,
+        Err(error) => return Err(Failure::message(PlanningError::from(error))),
+    };
+    let problem = found.as_ref();
     let result = tensegra::plan(problem, &mut spinner);
     drop(spinner);
     let plan = match result {

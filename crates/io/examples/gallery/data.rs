@@ -263,6 +263,7 @@ fn structure(dimension: usize, nodes: &[&str], elements: Vec<Element>) -> Struct
                 name: (*name).to_owned(),
                 balanced: true,
                 load: Vector3::zeros(),
+                mass: 0.0,
             })
             .collect(),
         elements,

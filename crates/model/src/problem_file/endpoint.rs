@@ -4,7 +4,10 @@ use std::{collections::HashMap, path::Path};
 
 use nalgebra::Point3;
 
-use super::decode::{Decoder, Value};
+use super::{
+    decode::{Decoder, Value},
+    formfind,
+};
 use crate::{
     declarations::Span,
     diagnostic::{SourceFile, did_you_mean, list_names},
@@ -29,6 +32,8 @@ pub(crate) enum Stated<'t> {
         row: usize,
         row_span: Span,
     },
+    /// Conditions of a form to be found.
+    Form(Vec<formfind::Stated<'t>>),
 }
 
 /// Decodes the value of `start` or `goal`. Nothing if an error was found.
@@ -39,13 +44,9 @@ pub(crate) fn decode<'t>(
 ) -> Option<Stated<'t>> {
     let mut table = decoder.table(value)?;
     if let Some(formfind) = table.take("formfind") {
-        let hint = "state the nodes, or a row of a `.links` file".to_string();
-        decoder.error(
-            formfind.span(),
-            "form-finding of a start or goal is not available yet",
-            hint,
-        );
-        return None;
+        let conditions = formfind::decode_conditions(decoder, formfind, planar);
+        decoder.finish(table);
+        return conditions.map(Stated::Form);
     }
     if let Some(links) = table.take("links") {
         let file = decoder.text(links, "the name of a `.links` file");
@@ -129,6 +130,7 @@ pub(crate) fn resolve(
     read: &mut Vec<SourceFile>,
 ) -> Option<Endpoint> {
     match stated {
+        Stated::Form(_) => None,
         Stated::Row {
             file,
             row,
@@ -244,7 +246,7 @@ fn fixed_positions(structure: &Structure) -> Vec<Option<Point3<f64>>> {
         .collect()
 }
 
-fn unknown<'n>(
+pub(crate) fn unknown<'n>(
     decoder: &mut Decoder<'_>,
     what: &str,
     name: &str,

@@ -3,6 +3,7 @@
 mod decode;
 mod endpoint;
 mod environment;
+mod formfind;
 mod planner;
 mod structure;
 
@@ -15,6 +16,7 @@ use crate::{
     declarations::Declarations,
     diagnostic::{Finding, Findings, ReadErrors, Severity, SourceFile},
     files::{self, Meshes},
+    form::FormSettings,
     problem::{PlannerSettings, Problem},
     tens::{self, Parameters, Scope},
 };
@@ -172,6 +174,9 @@ fn read_toml(path: &Path, file: SourceFile, findings: &mut Findings) -> Option<P
     let goal = table
         .take("goal")
         .map(|value| endpoint::decode(&mut decoder, value, planar));
+    let form = table
+        .take("formfind")
+        .map(|value| formfind::decode(&mut decoder, value, planar));
     let mut settings = PlannerSettings::default();
     if let Some(structure::Source::Tens(tens)) = &structure {
         tens.parameters.apply(&mut settings);
@@ -227,16 +232,37 @@ fn read_toml(path: &Path, file: SourceFile, findings: &mut Findings) -> Option<P
             findings,
             scope: Scope::default(),
         };
-        endpoint::resolve(&mut decoder, stated??, &structure, folder, &mut files)
+        match stated.flatten() {
+            None => (None, None),
+            Some(endpoint::Stated::Form(conditions)) => {
+                let conditions = formfind::resolve(&mut decoder, conditions, &structure);
+                (None, Some(conditions))
+            }
+            Some(stated) => {
+                let found = endpoint::resolve(&mut decoder, stated, &structure, folder, &mut files);
+                (found, None)
+            }
+        }
     };
-    let start = endpoint(start);
-    let goal = endpoint(goal);
+    let (start, start_form) = endpoint(start);
+    let (goal, goal_form) = endpoint(goal);
+    let mut decoder = Decoder {
+        file: &file,
+        findings,
+        scope: Scope::default(),
+    };
+    let form = form.map_or_else(FormSettings::default, |form| {
+        formfind::resolve_settings(&mut decoder, form, &structure)
+    });
     files.insert(0, file.clone());
     Some(Problem {
         source: Some(path.to_path_buf()),
         environment,
         start,
         goal,
+        start_form,
+        goal_form,
+        form,
         settings,
         seed: seed.flatten().unwrap_or(0),
         files,

@@ -122,6 +122,23 @@ fn inline(decoder: &mut Decoder<'_>, mut table: Table<'_>, folder: &Path) -> Dec
             }
         }
     }
+    if let Some(table) = table.take("masses").and_then(|value| decoder.table(value)) {
+        for entry in table.into_entries() {
+            if let Some(mass) = decoder.number(entry.value) {
+                declarations
+                    .structure
+                    .masses
+                    .push((entry.key.to_string(), mass));
+                declarations.spans.masses.push(entry.key_span);
+            }
+        }
+    }
+    if let Some(value) = table.take("gravity") {
+        declarations.spans.gravity = value.span();
+        if let Some(acceleration) = decoder.vector(value, planar) {
+            declarations.structure.gravity = Vector3::from(acceleration);
+        }
+    }
     if let Some(value) = table.take("couplings") {
         for value in decoder.list(value).unwrap_or_default() {
             coupling(decoder, value, &mut declarations);

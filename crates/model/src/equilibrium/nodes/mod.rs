@@ -206,6 +206,90 @@ impl NodesManifold {
         self.raw_equations
     }
 
+    /// Force that counts as one unit: the pretension, or an estimate from stiffnesses and loads.
+    pub fn force_unit(&self) -> f64 {
+        self.force
+    }
+
+    /// Force density q = f / l of an element at x; 0 for one that carries no force.
+    pub fn force_density(&self, element: usize, x: &[f64]) -> f64 {
+        self.evaluate_link(element, x).density
+    }
+
+    /// Adds `factor` times the gradient of an element's force density to `row`.
+    pub fn force_density_gradient(
+        &self,
+        element: usize,
+        x: &[f64],
+        factor: f64,
+        row: &mut SparseRow,
+    ) {
+        let LinkState { d, slope, .. } = self.evaluate_link(element, x);
+        self.add_link_gradient(element, d.map(|d| factor * slope * d), factor, row);
+    }
+
+    /// Name of an equation, for messages.
+    pub fn equation_name(&self, equation: usize) -> String {
+        let elements = &self.structure.elements;
+        let link = |link: usize| match elements.get(link) {
+            Some(element) => element.name.clone(),
+            None => {
+                let [a, b] = self.links[link].nodes;
+                let node = |i: usize| self.structure.nodes[i].name.as_str();
+                format!("{}–{}", node(a), node(b))
+            }
+        };
+        let pair = |[a, b]: [usize; 2]| format!("{} and {}", link(a), link(b));
+        if equation < self.balance_count {
+            for (node, rows) in self.balance.iter().enumerate() {
+                if let Some(axis) = rows.iter().position(|&row| row == equation) {
+                    let (axis, node) = (["x", "y", "z"][axis], &self.structure.nodes[node].name);
+                    return format!("force balance of {node} along {axis}");
+                }
+            }
+        }
+        match &self.equations[equation - self.balance_count] {
+            Equation::Length { link: l, length } => format!("length {length} of {}", link(*l)),
+            Equation::Pretension { norm, .. } => format!("pretension {norm}"),
+            Equation::EqualLengths { links, .. } => format!("coupled lengths of {}", pair(*links)),
+            Equation::EqualRests { links, .. } => {
+                format!("coupled rest lengths of {}", pair(*links))
+            }
+            Equation::EqualForces { links, .. } => format!("coupled forces of {}", pair(*links)),
+            Equation::EqualDirections { links, .. } => {
+                format!("coupled directions of {}", pair(*links))
+            }
+        }
+    }
+
+    /// Number of equations of force balance, which come first.
+    pub fn balance_count(&self) -> usize {
+        self.balance_count
+    }
+
+    /// The unit in which the residual of an equation counts, in the problem's units.
+    pub fn equation_unit(&self, equation: usize) -> f64 {
+        if equation < self.balance_count {
+            return self.force;
+        }
+        match &self.equations[equation - self.balance_count] {
+            Equation::Length { .. }
+            | Equation::EqualLengths { .. }
+            | Equation::EqualRests { .. } => self.size,
+            Equation::EqualForces { .. } => self.force,
+            Equation::Pretension { norm, .. } => *norm,
+            Equation::EqualDirections { .. } => 1.0,
+        }
+    }
+
+    /// The unit in which a limit counts, in the problem's units.
+    pub fn limit_unit(&self, limit: usize) -> f64 {
+        match self.limits[limit].quantity {
+            Quantity::Length | Quantity::Rest { .. } => self.size,
+            Quantity::Force => self.force / self.force_weight,
+        }
+    }
+
     fn evaluate_links(&self, x: &[f64], scratch: &mut Scratch) {
         let Scratch {
             positions, links, ..
