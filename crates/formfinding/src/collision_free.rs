@@ -251,7 +251,7 @@ impl FormProblem {
             .into_par_iter()
             .map_init(
                 || Search::new(&frame),
-                |search, start| search.from_random(self, seed, start),
+                |search, start| search.try_start(self, seed, start),
             )
             .collect();
         let forms: Vec<Form> = found.into_iter().flatten().collect();
@@ -267,7 +267,7 @@ impl FormProblem {
     /// [`FormError::Body`]; that nothing is found is no error.
     pub fn attempt(&self, seed: u64, start: usize) -> Result<Option<Form>, FormError> {
         let frame = self.frame()?;
-        Ok(Search::new(&frame).from_random(self, seed, start))
+        Ok(Search::new(&frame).try_start(self, seed, start))
     }
 
     /// Gives a test the programme and a random point.
@@ -302,7 +302,7 @@ impl FormProblem {
             }
         }
         (0..starts)
-            .find_map(|start| search.from_random(self, seed, start))
+            .find_map(|start| search.try_start(self, seed, start))
             .ok_or_else(|| self.cause(&frame, seed, starts))
     }
 
@@ -414,7 +414,7 @@ impl<'f, 'a> Search<'f, 'a> {
         problem.manifold.coordinates(&configuration)
     }
 
-    fn from_random(&mut self, problem: &FormProblem, seed: u64, start: usize) -> Option<Form> {
+    fn try_start(&mut self, problem: &FormProblem, seed: u64, start: usize) -> Option<Form> {
         let mut x = self.random(problem, seed, start);
         self.solve(&mut x, StepScaling::Jacobian, WIDE_MARGIN, start)
     }
@@ -442,7 +442,7 @@ impl<'f, 'a> Search<'f, 'a> {
     /// The form that is reached from x.
     pub(crate) fn solve(
         &mut self,
-        x: &mut Vec<f64>,
+        x: &mut [f64],
         scaling: StepScaling,
         margin: f64,
         start: usize,

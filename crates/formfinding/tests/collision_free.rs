@@ -81,7 +81,7 @@ fn clearances_are_kept_where_they_are_asked_for() {
     problem.form.infinite_cylinders = true;
     let forms = find(&problem, 1, 20).unwrap();
     for form in &forms.forms {
-        let p = |name| form.configuration.positions[node(&problem, name)];
+        let p = |name: &str| form.configuration.positions[node(&problem, name)];
         for [a, b] in [["1", "2"], ["2", "3"], ["3", "1"]] {
             let [a0, a1] = [p(&format!("a{a}")), p(&format!("b{a}"))];
             let [b0, b1] = [p(&format!("a{b}")), p(&format!("b{b}"))];

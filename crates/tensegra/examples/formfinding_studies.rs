@@ -79,7 +79,7 @@ fn approaching_plane(folder: &Path) -> Result<(), Box<dyn Error>> {
         |t| FormProblem::new(&at(t), &[]),
         FollowOptions::new(STEPS, STEP),
     )?;
-    report("plane", &followed, |t| at(t))?;
+    report("plane", &followed, at)?;
     let mut pictures = Vec::new();
     for share in [0.0, 0.8, 1.0] {
         let index = ((followed.forms.len() - 1) as f64 * share).round() as usize;
@@ -139,7 +139,7 @@ fn straight_line(folder: &Path) -> Result<(), Box<dyn Error>> {
             |t| FormProblem::new(&at(t), &[]),
             FollowOptions::new(STEPS, STEP),
         )?;
-        report(name, &followed, |t| at(t))?;
+        report(name, &followed, at)?;
         for (color, pair) in PAIRS.iter().enumerate() {
             let points = followed
                 .forms

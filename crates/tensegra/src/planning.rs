@@ -4,9 +4,9 @@ use cpu_time::ThreadTime;
 use tensegra_atlas::{ChartDomain, ManifoldError};
 use tensegra_formfinding::FormError;
 use tensegra_model::{
-    Body, BodyError, Configuration, DirectionsManifold, Endpoint, EquilibriumError,
-    EquilibriumManifold, Formulation, FreeSpace, NodesManifold, Path, PlannerKind, Problem,
-    SamplingRadius, Stability, Stable, Structure, control_effort, path_length,
+    Body, BodyError, Configuration, DirectionsManifold, EquilibriumError, EquilibriumManifold,
+    Formulation, FreeSpace, NodesManifold, Path, PlannerKind, Problem, SamplingRadius, Stability,
+    Stable, Structure, control_effort, path_length,
 };
 use tensegra_sampling::{AtlasRrt, Observer, PlanError, PlannerOptions, SampleRadius, Statistics};
 

@@ -9,7 +9,7 @@ mod parallel;
 mod sphere;
 
 use tensegra::{
-    io::{Axis, BenchRow, Chart, Picture, ReferenceValue, Series, quantile},
+    io::{Axis, BenchRow, Chart, ReferenceValue, Series, quantile},
     sampling::{AtlasRrt, Plan, PlannerOptions},
 };
 use tensegra_atlas::{ImplicitManifold, Validity, project};

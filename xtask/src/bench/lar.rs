@@ -98,6 +98,9 @@ fn paper_and_ipopt([paper, ipopt]: [f64; 2]) -> Vec<(&'static str, f64)> {
     vec![("paper", paper), ("IPOPT", ipopt)]
 }
 
+/// Measures one case.
+type Step = fn(&mut Suite) -> Result<(), Error>;
+
 /// What is measured on the way.
 #[derive(Default)]
 struct Suite {
@@ -158,7 +161,7 @@ pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
             .unwrap_or(if arguments.quick { 2 } else { 100 }),
         ..Suite::default()
     };
-    let steps: [(&str, fn(&mut Suite) -> Result<(), Error>); 6] = [
+    let steps: [(&str, Step); 6] = [
         (CASES[0], primitives),
         (CASES[1], gaits),
         (CASES[2], greedy),

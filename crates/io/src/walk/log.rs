@@ -105,7 +105,7 @@ pub fn encode_walk_log(walk: &Walk, options: &LogOptions) -> Result<Vec<u8>, Log
     log.write_protobuf(environment, 0, &update(style.surroundings(walk)))?;
     let last = (shown.frames.len() - 1) as f64 + (walk.rolls.len() * ROLL_FRAMES) as f64;
     let mut tick = 0_usize;
-    let mut time_of = |tick: &mut usize| {
+    let time_of = |tick: &mut usize| {
         let time = *tick as f64 / last.max(1.0) * options.duration * NANOSECONDS;
         *tick += 1;
         time.round() as u64
