@@ -5,7 +5,9 @@
 //! 1. the violations of all constraints, tightened by a margin, are brought to zero by
 //!    Levenberg–Marquardt steps on those that are violated (a Gauss–Newton method with an active
 //!    set). Against the penalty method with BFGS of Hernández Juan and Mirats Tur (2008), which
-//!    solves the same conditions, it converges quadratically and needs no growing weight;
+//!    solves the same conditions, it converges quadratically and needs no growing weight.
+//!    Where that fails, bodies may pass through each other first, and are separated afterwards: a
+//!    start may lie on the wrong side of a bar;
 //! 2. where the equilibrium found is unstable, the least tangent stiffness joins the constraints;
 //! 3. where a cost is to be minimised, sequential quadratic programming does so;
 //! 4. the same steps as in 1, with next to no margin, polish the result to the accuracy of the
@@ -297,7 +299,7 @@ impl FormProblem {
         let mut search = Search::new(&frame);
         if let Some(near) = near {
             let mut x = self.manifold.coordinates(near);
-            if let Some(form) = search.solve(&mut x, StepScaling::None, WIDE_MARGIN, 0) {
+            if let Some(form) = search.solve_anyhow(&mut x, StepScaling::None, WIDE_MARGIN, 0) {
                 return Ok(form);
             }
         }
@@ -416,7 +418,7 @@ impl<'f, 'a> Search<'f, 'a> {
 
     fn try_start(&mut self, problem: &FormProblem, seed: u64, start: usize) -> Option<Form> {
         let mut x = self.random(problem, seed, start);
-        self.solve(&mut x, StepScaling::Jacobian, WIDE_MARGIN, start)
+        self.solve_anyhow(&mut x, StepScaling::Jacobian, WIDE_MARGIN, start)
     }
 
     /// Steps towards a point that meets all constraints with a margin; the number of steps, and
@@ -439,8 +441,27 @@ impl<'f, 'a> Search<'f, 'a> {
         Some((report.iterations, met && x.iter().all(|v| v.is_finite())))
     }
 
+    /// The form that is reached from x, if not directly, then by letting bodies pass through each
+    /// other first.
+    fn solve_anyhow(
+        &mut self,
+        x: &mut [f64],
+        scaling: StepScaling,
+        margin: f64,
+        start: usize,
+    ) -> Option<Form> {
+        let from = x.clone();
+        self.solve(x, scaling, margin, start).or_else(|| {
+            x.copy_from_slice(&from);
+            self.program.relaxed = Some((Group::Clearance, 0.0));
+            self.program.stable = false;
+            self.descend(x, margin, scaling, SEARCH_ITERATIONS)?;
+            self.solve(x, scaling, margin, start)
+        })
+    }
+
     /// The form that is reached from x.
-    pub(crate) fn solve(
+    fn solve(
         &mut self,
         x: &mut [f64],
         scaling: StepScaling,

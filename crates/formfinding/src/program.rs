@@ -29,7 +29,7 @@ pub(crate) struct Program<'f, 'a> {
     pub(crate) margin: f64,
     /// Whether the stability row takes part.
     pub(crate) stable: bool,
-    /// Weight of the rows of a group that is relaxed.
+    /// Weight of the rows of a group that is relaxed; with weight 0 they do not count at all.
     pub(crate) relaxed: Option<(Group, f64)>,
     memory: Memory,
     clearances: Vec<f64>,
@@ -370,7 +370,11 @@ impl Nlp for Program<'_, '_> {
         for ((row, lower), upper) in self.frame.rows.iter().zip(lower).zip(upper) {
             let range = self.tightened(row.range);
             let weight = self.weight(row.group);
-            (*lower, *upper) = (range.lo * weight, range.hi * weight);
+            (*lower, *upper) = if weight > 0.0 {
+                (range.lo * weight, range.hi * weight)
+            } else {
+                (f64::NEG_INFINITY, f64::INFINITY)
+            };
         }
     }
 
