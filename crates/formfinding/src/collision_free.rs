@@ -450,7 +450,7 @@ impl<'f, 'a> Search<'f, 'a> {
         margin: f64,
         start: usize,
     ) -> Option<Form> {
-        let from = x.clone();
+        let from = x.to_vec();
         self.solve(x, scaling, margin, start).or_else(|| {
             x.copy_from_slice(&from);
             self.program.relaxed = Some((Group::Clearance, 0.0));
