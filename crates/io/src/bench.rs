@@ -222,7 +222,7 @@ impl Column {
 /// table.push(["tower", "15"]);
 /// assert_eq!(
 ///     table.to_string(),
-///     "| case  |  k |\n|-------|---:|\n| kite  |  3 |\n| tower | 15 |\n"
+///     "| case  |   k |\n|-------|----:|\n| kite  |   3 |\n| tower |  15 |\n"
 /// );
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -408,6 +408,17 @@ pub fn read_path_file(file: &FilePath) -> Result<PathFile, ReadError> {
         column: failure.column(),
         message: without_place(&failure),
     };
+    // Serde would read the values of an array as format and version.
+    let first = text.len() - text.trim_start().len();
+    if !text[first..].starts_with('{') {
+        let (line, column) = crate::json::line_and_column(&bytes, first);
+        return Err(ReadError::Syntax {
+            file: file.to_path_buf(),
+            line,
+            column,
+            message: "a path file is one JSON object".into(),
+        });
+    }
     let header: Header = serde_json::from_str(text).map_err(syntax)?;
     header.check().map_err(|found| ReadError::Format {
         file: file.to_path_buf(),

@@ -201,7 +201,8 @@ pub(crate) struct AttachmentSpec {
 ///     .cable("c3", ["a", "d"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .cable("c4", ["b", "d"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .fix_coordinate("b", 1, 0.0)
-///     .build()?;
+///     .build()
+///     .map_err(|errors| errors[0].to_string())?;
 /// assert_eq!(structure.nodes.len(), 4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -811,6 +812,11 @@ impl Build {
             let subject = format!("fixed coordinate {} of node `{name}`", AXES[axis]);
             if free_flying {
                 self.error(place, subject, StructureFlaw::FixedInFlight);
+                continue;
+            }
+            // A node that is not known is reported once, not for each of its coordinates.
+            if index > 0 && declared[index - 1].0 == *name && !self.node_indices.contains_key(name)
+            {
                 continue;
             }
             let Some(node) = self.known_node(place, &subject, name) else {

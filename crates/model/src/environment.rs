@@ -286,7 +286,8 @@ const MAX_PAIRS: usize = 2_000_000;
 /// let structure = StructureBuilder::planar()
 ///     .strut("s1", ["a", "b"], 1.0)
 ///     .cable("c1", ["b", "a"], 0.5..=2.0, 1.0, 0.0..=2.0)
-///     .build()?;
+///     .build()
+///     .map_err(|errors| errors[0].to_string())?;
 /// let ball = Obstacle {
 ///     name: "ball".into(),
 ///     shape: Shape::Sphere { center: Point3::new(3.0, 0.0, 0.0), radius: 0.5 },

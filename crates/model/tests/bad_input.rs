@@ -54,24 +54,21 @@ fn a_syntax_error() {
 fn an_unknown_node() {
     check(
         "unknown_node.toml",
-        &[
-            (18, 1, "bb = [1, 0]", "there is no node `bb`", ""),
-            (18, 1, "bb = [1, 0]", "there is no node `bb`", ""),
-        ],
+        &[(19, 1, "bb = [1, 0]", "there is no node `bb`", "")],
     );
 }
 
 #[test]
 fn a_negative_radius() {
     // The type has it, and both struts of the type.
-    let error = (6, 67, "-0.1", "the radius is negative: -0.1", "");
+    let error = (6, 65, "-0.1", "the radius is negative: -0.1", "");
     check("negative_radius.toml", &[error, error]);
 }
 
 #[test]
 fn a_range_with_lo_above_hi() {
     let message = "the range of the length is empty: [3, 0]";
-    let error = (7, 35, "[3, 0]", message, "the smaller end comes first");
+    let error = (7, 36, "[3, 0]", message, "the smaller end comes first");
     check("empty_range.toml", &[error; 4]);
 }
 
@@ -95,7 +92,7 @@ fn nan_and_infinity() {
     check(
         "no_finite_number.tens",
         &[
-            (5, 27, "1/zero", "division by zero", ""),
+            (5, 25, "1/zero", "division by zero", ""),
             (
                 6,
                 25,
@@ -136,7 +133,7 @@ fn a_disconnected_structure() {
         "disconnected.toml",
         &[(
             16,
-            46,
+            44,
             "[\"e\", \"f\"]",
             message,
             "add the elements that join the parts",
@@ -151,7 +148,7 @@ fn unknown_keys() {
         &[
             (
                 7,
-                43,
+                44,
                 "stifness",
                 "no key `stifness`",
                 "did you mean `stiffness`?",
@@ -172,7 +169,7 @@ fn several_errors_in_one_run() {
             (9, 1, "s1", "element `s1` has no kind", "kind ="),
             (
                 10,
-                60,
+                54,
                 "sqrt(-1)",
                 "the square root of a negative number",
                 "",
@@ -215,7 +212,7 @@ fn an_empty_file() {
 
 #[test]
 fn binary_files() {
-    for (name, byte) in [("binary.toml", "byte 26 "), ("not_utf8.tens", "byte 21 ")] {
+    for (name, byte) in [("binary.toml", "byte 25 "), ("not_utf8.tens", "byte 20 ")] {
         let errors = refuse(bad(name));
         let message = about_file(&errors).message();
         assert!(message.contains("not a text file"), "{message}");
@@ -309,7 +306,7 @@ fn a_renderer_gets_source_label_and_help() {
     let source = error.source_code().unwrap();
     let shown = source.read_span(label.inner(), 0, 0).unwrap();
     let text = std::str::from_utf8(shown.data()).unwrap();
-    assert!(text.starts_with("c4 = "), "{text}");
+    assert_eq!(text, r#"["d", "d"]"#);
     assert!(shown.name().unwrap().ends_with("loop.toml"));
     assert_eq!(shown.line(), 14);
     assert!(

@@ -31,6 +31,7 @@ fn elements_of_every_kind_get_the_law_of_their_kind() {
         .cable("v", ["a", "d"], [0.0, 2.0], 1.0, 0.0..=3.0)
         .inextensible_cable("w", ["b", "d"], 1.5)
         .prismatic("x", ["c", "d"], 1.0..=2.0, -2.0, 0.25)
+        .pretension(2.0)
         .build()
         .unwrap();
     let laws: Vec<ForceLaw> = structure.elements.iter().map(|e| e.law).collect();
