@@ -303,7 +303,11 @@ impl LevenbergMarquardt {
                     std::mem::swap(&mut self.residuals, &mut self.trial_residuals);
                 }
                 if still {
-                    return Ok((LeastSquaresStatus::StepSmall, iteration + 1, evaluations));
+                    return Ok((
+                        self.verdict_at_rest(cost, first_norm * first_norm),
+                        iteration + 1,
+                        evaluations,
+                    ));
                 }
                 if ratio > ACCEPTED_RATIO {
                     if ratio > 0.75 {
@@ -316,7 +320,11 @@ impl LevenbergMarquardt {
                 }
                 // What the model still promises is rounding: x is as good as it gets.
                 if predicted <= 4.0 * f64::EPSILON * cost {
-                    return Ok((LeastSquaresStatus::StepSmall, iteration + 1, evaluations));
+                    return Ok((
+                        self.verdict_at_rest(cost, first_norm * first_norm),
+                        iteration + 1,
+                        evaluations,
+                    ));
                 }
                 damping *= increase;
                 increase *= 2.0;
@@ -330,6 +338,16 @@ impl LevenbergMarquardt {
             }
         }
         unreachable!("the iteration limit ends the loop")
+    }
+
+    /// The status where x no longer changes. At a solution r is nearly orthogonal to J, or next to
+    /// nothing; where it is neither, no step along J reduces it, so that J is wrong.
+    fn verdict_at_rest(&mut self, cost: f64, first_cost: f64) -> LeastSquaresStatus {
+        if self.orthogonality() > 0.5 && cost > 1e-12 * first_cost {
+            LeastSquaresStatus::NumericalTrouble
+        } else {
+            LeastSquaresStatus::StepSmall
+        }
     }
 
     fn update_scales(&mut self) {

@@ -192,14 +192,28 @@ impl PenaltyMethod {
         let mut stage_start = x.to_vec();
         let inner = loop {
             function.weight = weight;
-            let report = match options.minimiser {
-                PenaltyMinimiser::Bfgs => self.bfgs.minimise(&mut function, x)?,
-                PenaltyMinimiser::Lbfgs => self.lbfgs.minimise(&mut function, x)?,
+            let mut size = f64::INFINITY;
+            let report = loop {
+                let report = match options.minimiser {
+                    PenaltyMinimiser::Bfgs => self.bfgs.minimise(&mut function, x)?,
+                    PenaltyMinimiser::Lbfgs => self.lbfgs.minimise(&mut function, x)?,
+                };
+                iterations += report.iterations;
+                value_evaluations += report.value_evaluations;
+                derivative_evaluations += report.gradient_evaluations;
+                // Far outside the exponentials are so steep that a gradient which is small beside
+                // that of the start says nothing: go on from here, while that helps.
+                let converged = report.status == MinimiseStatus::Converged
+                    && report.gradient_norm <= options.quasi_newton.gradient_tolerance;
+                if converged
+                    || report.status != MinimiseStatus::Converged
+                    || report.gradient_norm >= 0.1 * size
+                {
+                    break report;
+                }
+                size = report.gradient_norm;
             };
             stages += 1;
-            iterations += report.iterations;
-            value_evaluations += report.value_evaluations;
-            derivative_evaluations += report.gradient_evaluations;
             if weight >= options.largest_weight {
                 break report.status;
             }

@@ -312,7 +312,8 @@ fn an_unbounded_objective_is_said_to_be() {
     for (report, _) in both(make, &[1.0, 1.0]) {
         assert_eq!(
             report.status,
-            SqpStatus::NumericalTrouble(NumericalTrouble::Unbounded)
+            SqpStatus::NumericalTrouble(NumericalTrouble::Unbounded),
+            "{report:?}"
         );
     }
 }
@@ -623,8 +624,9 @@ fn measured_residuals_see_what_is_wrong() {
     assert!(at_optimum.infeasibility < 1e-14 && at_optimum.stationarity < 1e-14);
     assert!(at_optimum.complementarity < 1e-14);
     let off = KktResiduals::measure(&mut problem, &[0.0, 1.0, 2.0, -1.5], &multipliers).unwrap();
-    // The first constraint is then violated by 0.25 + 1 − 0.5 …
-    assert!((off.infeasibility - 1.75).abs() < 1e-12, "{off:?}");
+    // The second constraint is then 0 + 2 + 4 + 4.5 − 0 + 1.5 = 12 instead of at most 10; the
+    // first is violated by 1.75.
+    assert!((off.infeasibility - 2.0).abs() < 1e-12, "{off:?}");
     let wrong = KktResiduals::measure(&mut problem, &optimum, &[0.0; 3]).unwrap();
     assert!((wrong.stationarity - 13.0).abs() < 1e-12, "{wrong:?}");
     let short = KktResiduals::measure(&mut problem, &optimum[..3], &multipliers);

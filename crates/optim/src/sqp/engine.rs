@@ -53,7 +53,7 @@ const SMALLEST_RADIUS: f64 = 1e-14;
 /// Most accepted steps in a row whose gain is below rounding.
 const MAX_IDLE_STEPS: usize = 3;
 /// Below this a feasible objective counts as unbounded.
-const UNBOUNDED: f64 = -1e20;
+const UNBOUNDED: f64 = -1e12;
 
 /// Which constraints of a subproblem may be violated at a price.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -407,7 +407,8 @@ impl<B: Backend + Default> Engine<B> {
                 let optimal = step_size < 0.5 * state.radius
                     && step_size <= 1e-14 * size
                     && self.model.largest_violation(&self.constraints)
-                        <= options.feasibility_tolerance;
+                        <= options.feasibility_tolerance
+                    && self.is_nearly_converged(options, state);
                 let converged = optimal || self.is_converged(options, state);
                 if !converged && self.backend.refine() {
                     continue;
@@ -718,6 +719,15 @@ impl<B: Backend + Default> Engine<B> {
 
     /// Whether x and the multipliers adopted meet the tolerances. The gradient of the Lagrangian
     /// has to be that of x and these multipliers.
+    /// Whether a step that vanishes can be believed: with a Hessian that is far too large it
+    /// vanishes anywhere.
+    fn is_nearly_converged(&self, options: &SqpOptions, state: &State) -> bool {
+        let mut loose = options.clone();
+        loose.optimality_tolerance = loose.optimality_tolerance.max(1e-2);
+        // Where the objective is constant there is nothing to be stationary.
+        self.unscaled_gradient_size() == 0.0 || self.is_converged(&loose, state)
+    }
+
     fn is_converged(&self, options: &SqpOptions, state: &State) -> bool {
         if self.model.largest_violation(&self.constraints) > options.feasibility_tolerance {
             return false;

@@ -112,7 +112,7 @@ pub enum NumericalTrouble {
     Subproblem,
     /// A derivative was NaN or infinite at a point where the functions are finite.
     NotFinite,
-    /// The objective fell below −1e20 at a feasible point: it has no minimum.
+    /// The objective fell below −1e12 at a feasible point: it has no minimum.
     Unbounded,
 }
 

@@ -275,7 +275,7 @@ problems! {
         residuals
     };
 
-    Trigonometric, vec![0.1; 10], [0.0, 2.795_061_218_77e-5], |x| {
+    Trigonometric, vec![0.1; 10], [0.0, 2.795_056_121_88e-5], |x| {
         let n = x.len() as f64;
         let cosines = x.iter().fold(constant::<D>(0.0), |sum, x| sum + x.cos());
         x.iter()
