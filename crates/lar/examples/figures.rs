@@ -114,12 +114,20 @@ fn primitives() -> Outcome {
         for seed in 0..5 {
             let began = clock();
             match find_primitive(&symmetric, &options, &mut Pcg64::seed_from_u64(seed)) {
-                Ok(search) => println!(
-                    "  search, seed {seed}: cost {:.5}, {} attempts, {:.2} s",
-                    search.best.cost(),
-                    search.attempts.len(),
-                    clock() - began
-                ),
+                Ok(search) => {
+                    let seconds = clock() - began;
+                    let longer = search.attempts.iter().filter(|a| a.steps > 2);
+                    let told: Vec<String> = longer
+                        .map(|a| format!("{}×{} → {:.4}", a.steps, a.iterations, a.cost))
+                        .collect();
+                    println!(
+                        "  search, seed {seed}: cost {:.5}, {} attempts, {seconds:.2} s; steps × \
+                         iterations → cost: {}",
+                        search.best.cost(),
+                        search.attempts.len(),
+                        told.join(", ")
+                    );
+                }
                 Err(error) => println!("  search, seed {seed}: {error}"),
             }
         }

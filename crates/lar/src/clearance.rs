@@ -16,7 +16,8 @@ use crate::{Robot, Support};
 const SHARPNESS: f64 = 1e-3;
 
 /// Largest distance such that members that share no node stay at least that far apart during a
-/// straight motion of all nodes from `start` to `end`; infinite for a graph without such a pair.
+/// straight motion of all nodes from `start` to `end`; infinite for a graph without such a pair,
+/// zero where a coordinate is not a number.
 ///
 /// The bound is within 1e-3 of the least distance that occurs.
 ///
@@ -84,6 +85,9 @@ impl PairPath {
 
     fn certify_interval(&self, from: (f64, f64), to: (f64, f64), floor: f64) -> f64 {
         let bound = 0.5 * (from.1 + to.1 - self.speed * (to.0 - from.0));
+        if bound.is_nan() {
+            return 0.0;
+        }
         if bound >= floor {
             return floor;
         }
@@ -156,6 +160,8 @@ mod tests {
             assert!(certified <= least + 1e-12, "{certified} {least}");
             assert!(certified >= least - SHARPNESS - 1e-4, "{certified} {least}");
         }
+        let nowhere = [f64::NAN; 18];
+        assert_eq!(certified_clearance(&robot, &nowhere, &nowhere), 0.0);
     }
 
     #[test]

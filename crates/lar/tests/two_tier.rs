@@ -64,6 +64,20 @@ fn every_turn_is_walked_from_the_library() {
 }
 
 #[test]
+fn a_way_back_over_the_same_side_is_no_turn() {
+    let library = octahedron_library();
+    let symmetric = library.one_roll().symmetric_robot();
+    let start = symmetric.start();
+    // Two rolls along a strip and the same two back.
+    let goals = [[0.6, 0.5], [-0.3, 0.0]].map(|[x, y]| GridGoal::Point(Point2::new(x, y)));
+    let walk = TwoTierPlanner::new(&library).walk(&start, &goals).unwrap();
+    assert_eq!(walk.cells[0], walk.cells[4], "{:?}", walk.cells);
+    assert_eq!(walk.pieces, [2, 2]);
+    let (_, verdict) = common::check_motion(symmetric, &walk.motion);
+    assert!(verdict.valid, "{:?}", verdict.faults.first());
+}
+
+#[test]
 fn walled_in_goals_and_bad_starts_are_refused() {
     let library = octahedron_library();
     let start = library.one_roll().symmetric_robot().start();

@@ -5,7 +5,8 @@
 //! shapes. Those that can be reached without members passing through each other on
 //! the straight way come first, the cheaper before the dearer. They are carried on to a motion
 //! with few steps and from there to the full one, by linear interpolation in a frame that turns
-//! with the roll. All attempts are reported.
+//! with the roll; a tip whose motion cannot be much cheaper than one found already is left out.
+//! All attempts are reported.
 
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
@@ -299,12 +300,21 @@ pub fn find_primitive(
     let tips = find_tips(&sequence, options, rng, &mut attempts)?;
     let mut failure = "no tip shape was found".to_owned();
     let mut coarse: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
-    for tip in &tips {
+    for (tip_cost, tip) in &tips {
         if coarse.len() == options.kept {
             break;
         }
         if options.steps <= COARSE_STEPS {
             coarse.push((0.0, sequence.through_tip(tip, options.steps, options.tip)));
+            continue;
+        }
+        // With D² the cost of one large step, n small ones cost at least D²/n: a motion through
+        // this tip would be too dear to refine.
+        let least = tip_cost * 2.0 / COARSE_STEPS as f64;
+        if coarse
+            .iter()
+            .any(|(known, _)| least > WORTH_REFINING * known)
+        {
             continue;
         }
         let tip_index = COARSE_STEPS / 2;
@@ -354,14 +364,14 @@ pub fn find_primitive(
     }
 }
 
-/// Distinct feasible tip shapes of the first roll: those that members need not cross to reach
-/// first, the cheaper before the dearer.
+/// Distinct feasible tip shapes of the first roll with the cost of their two-step motions: those
+/// that members need not cross to reach first, the cheaper before the dearer.
 fn find_tips(
     sequence: &Sequence<'_>,
     options: &PrimitiveOptions,
     rng: &mut impl Rng,
     attempts: &mut Vec<PrimitiveAttempt>,
-) -> Result<Vec<Vec<f64>>, PrimitiveError> {
+) -> Result<Vec<(f64, Vec<f64>)>, PrimitiveError> {
     let robot = sequence.robot;
     let invalid = |reason: String| PrimitiveError::NotFound { reason };
     let stance = &sequence.stances[0];
@@ -424,7 +434,10 @@ fn find_tips(
         attempts.push(attempt);
     }
     found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    Ok(found.into_iter().map(|(_, _, tip)| tip).collect())
+    Ok(found
+        .into_iter()
+        .map(|(_, cost, tip)| (cost, tip))
+        .collect())
 }
 
 /// Number of times that members pass through each other while all nodes move straight from

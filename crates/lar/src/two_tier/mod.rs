@@ -411,16 +411,14 @@ impl<'a> TwoTierPlanner<'a> {
 
     /// Cuts the rolls into pieces that primitives walk, at the least sum of costs.
     fn cut(&self, stances: &[Stance], rolls: &[SequenceRoll]) -> Option<Vec<usize>> {
-        let turns: Vec<Turn> = (1..rolls.len())
-            .map(|k| self.turn(&stances[k], &rolls[k - 1], &rolls[k]))
-            .collect();
+        let turns = self.turns(stances, rolls);
         // Least cost of the first k rolls, and the length of the last piece.
         let mut best: Vec<(f64, usize)> = vec![(0.0, 0)];
         for end in 1..=rolls.len() {
             let mut choice = (f64::INFINITY, 0);
             for length in 1..=self.library.max_rolls().min(end) {
                 let first = end - length;
-                let Some((primitive, mirrored)) = self.library.get(&turns[first..end - 1]) else {
+                let Some((primitive, mirrored)) = self.primitive(&turns[first..end - 1]) else {
                     continue;
                 };
                 let cost = best[first].0 + primitive.cost();
@@ -459,16 +457,35 @@ impl<'a> TwoTierPlanner<'a> {
                 .is_some_and(|(motion, _)| self.touched(&self.swept(&motion)).is_none())
     }
 
+    /// The turns between successive rolls; none where a roll goes back over the side that the last
+    /// one came over, as at a waypoint from which the way leads back.
+    fn turns(&self, stances: &[Stance], rolls: &[SequenceRoll]) -> Vec<Option<Turn>> {
+        (1..rolls.len())
+            .map(|k| self.turn(&stances[k], &rolls[k - 1], &rolls[k]))
+            .collect()
+    }
+
+    /// The primitive that walks a piece with the given turns, and whether it has to be mirrored.
+    fn primitive(&self, turns: &[Option<Turn>]) -> Option<(&'a Primitive, bool)> {
+        let turns: Vec<Turn> = turns.iter().copied().collect::<Option<_>>()?;
+        self.library.get(&turns)
+    }
+
     /// Whether `next` turns left or right after `last`.
-    fn turn(&self, stance: &Stance, last: &SequenceRoll, next: &SequenceRoll) -> Turn {
+    fn turn(&self, stance: &Stance, last: &SequenceRoll, next: &SequenceRoll) -> Option<Turn> {
+        if next.lifted == last.landed {
+            return None;
+        }
         let at = |node: usize| self.robot().dimension().node(&stance.coordinates, node);
         let ahead = at(last.landed) - (at(last.pivots[0]) + at(last.pivots[1])) * 0.5;
         // The pivot that lifts lies on the side away from the turn.
-        if ahead.cross(&(at(next.lifted) - at(last.landed))).z > 0.0 {
-            Turn::Right
-        } else {
-            Turn::Left
-        }
+        Some(
+            if ahead.cross(&(at(next.lifted) - at(last.landed))).z > 0.0 {
+                Turn::Right
+            } else {
+                Turn::Left
+            },
+        )
     }
 
     fn stitch(
@@ -478,9 +495,7 @@ impl<'a> TwoTierPlanner<'a> {
         rolls: &[SequenceRoll],
         pieces: &[usize],
     ) -> SupportedMotion {
-        let turns: Vec<Turn> = (1..rolls.len())
-            .map(|k| self.turn(&stances[k], &rolls[k - 1], &rolls[k]))
-            .collect();
+        let turns = self.turns(stances, rolls);
         let mut motion = SupportedMotion {
             configurations: vec![start.coordinates.clone()],
             supports: vec![start.support.clone()],
@@ -489,8 +504,7 @@ impl<'a> TwoTierPlanner<'a> {
         let mut first = 0;
         for &length in pieces {
             let placed = self
-                .library
-                .get(&turns[first..first + length - 1])
+                .primitive(&turns[first..first + length - 1])
                 .and_then(|(p, mirrored)| p.place(&stances[first], rolls[first].side, mirrored));
             // `cut` has used only primitives that are there and can be placed.
             if let Some((piece, _)) = placed {
