@@ -345,7 +345,7 @@ fn actuation(configurations: &[WalkConfiguration]) -> f64 {
         .windows(2)
         .flat_map(|pair| pair[0].lengths.iter().zip(&pair[1].lengths))
         .map(|(a, b)| (b - a) * (b - a))
-        .sum()
+        .fold(0.0, |sum, square| sum + square)
 }
 
 fn distance(robot: &Robot, motion: &SupportedMotion, waypoints: &[[f64; 2]]) -> f64 {

@@ -41,13 +41,16 @@ References: `paper`, as printed; `IPOPT`, the same problems stated with CasADi a
 IPOPT on a machine like the one below (walks: small samples).
 ";
 
-const CASES: [&str; 6] = [
-    "primitives",
-    "gaits",
-    "greedy",
-    "two-tier",
-    "random",
-    "dynamics",
+/// Measures one case.
+type Case = fn(&mut Suite) -> Result<(), Error>;
+
+const CASES: [(&str, Case); 6] = [
+    ("primitives", primitives),
+    ("gaits", gaits),
+    ("greedy", greedy),
+    ("two-tier", two_tier),
+    ("random", random),
+    ("dynamics", dynamics),
 ];
 
 /// The rigidity index imposed on walks; the paper's 0.005 on another scale.
@@ -98,9 +101,6 @@ fn paper_and_ipopt([paper, ipopt]: [f64; 2]) -> Vec<(&'static str, f64)> {
     vec![("paper", paper), ("IPOPT", ipopt)]
 }
 
-/// Measures one case.
-type Step = fn(&mut Suite) -> Result<(), Error>;
-
 /// What is measured on the way.
 #[derive(Default)]
 struct Suite {
@@ -146,12 +146,13 @@ impl Suite {
 }
 
 pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
+    let known = CASES.map(|(name, _)| name);
     if let Some(unknown) = arguments
         .cases
         .iter()
-        .find(|name| !CASES.contains(&name.as_str()))
+        .find(|name| !known.contains(&name.as_str()))
     {
-        let known = CASES.join(", ");
+        let known = known.join(", ");
         return Err(format!("the suite has no case {unknown}: choose from {known}").into());
     }
     let mut suite = Suite {
@@ -161,18 +162,10 @@ pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
             .unwrap_or(if arguments.quick { 2 } else { 100 }),
         ..Suite::default()
     };
-    let steps: [(&str, Step); 6] = [
-        (CASES[0], primitives),
-        (CASES[1], gaits),
-        (CASES[2], greedy),
-        (CASES[3], two_tier),
-        (CASES[4], random),
-        (CASES[5], dynamics),
-    ];
-    for (name, step) in steps {
+    for (name, measure) in CASES {
         if arguments.cases.is_empty() || arguments.cases.iter().any(|case| case == name) {
             let start = ThreadTime::now();
-            step(&mut suite)?;
+            measure(&mut suite)?;
             eprintln!("{name}: {:.1} s", start.elapsed().as_secs_f64());
         }
     }

@@ -69,6 +69,9 @@ pub struct Arguments {
         conflicts_with = "seeds"
     )]
     simulate: Option<Vec<f64>>,
+    /// Write walk.json and walk.mcap alone.
+    #[arg(long)]
+    no_pictures: bool,
     /// Output folder [default: out/NAME].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -187,7 +190,7 @@ fn plan_one(
         simulations = times.iter().copied().zip(reports).collect();
     }
     let clock = Instant::now();
-    let pictures = arguments.seeds.is_none();
+    let pictures = arguments.seeds.is_none() && !arguments.no_pictures;
     let files = write(problem, &planned, &simulations, folder, pictures)?;
     let check = planned.walk.check.clone().unwrap_or_default();
     Ok(outcome(Ok(Planned {
@@ -384,7 +387,8 @@ pub fn print_check(check: &WalkCheck, walk: &Walk) {
         ("support slides", Some(check.worst_slide)),
     ] {
         if let Some(figure) = figure {
-            println!("{label:<18} {figure:.3e}");
+            // Adding zero turns a negative zero into a positive one.
+            println!("{label:<18} {:.3e}", figure + 0.0);
         }
     }
     println!(
