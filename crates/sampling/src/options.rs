@@ -25,7 +25,8 @@ pub struct PlannerOptions {
     pub seed: u64,
     /// Whether a second tree grows from the goal.
     pub two_trees: bool,
-    /// Length δ of a step of a branch.
+    /// Length δ of a step of a branch. The path returned is as fine as
+    /// [`AtlasRrt::max_displacement`](crate::AtlasRrt::max_displacement) says.
     pub step: f64,
     /// How far charts reach.
     pub domain: ChartDomain,
@@ -34,7 +35,8 @@ pub struct PlannerOptions {
     /// Probability that a branch aims at a random node of the other tree (at
     /// the goal, with one tree) instead of at a sample.
     pub goal_bias: f64,
-    /// Residual below which the equations hold.
+    /// Residual of the nodes of the trees. Those of the path returned hold to
+    /// 1e-12.
     pub tolerance: f64,
     /// Whether branches slide along limits and contacts instead of stopping.
     pub slide: bool,
@@ -55,11 +57,11 @@ impl Default for PlannerOptions {
         Self {
             seed: 1,
             two_trees: true,
-            step: 0.05,
+            step: 0.1,
             domain: ChartDomain::default(),
             sample_radius: SampleRadius::Fixed(3.0),
             goal_bias: 0.05,
-            tolerance: 1e-7,
+            tolerance: 1e-5,
             slide: true,
             limit_margin: 2e-3,
             contact_margin: 1e-3,

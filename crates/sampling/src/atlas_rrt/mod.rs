@@ -23,10 +23,15 @@ use tensegra_atlas::{ImplicitManifold, ManifoldError, Validity, dimension};
 
 use crate::{
     options::PlannerOptions,
-    plan::{Observer, Plan, PlanError},
+    plan::{Failure, Observer, Plan, PlanError, Statistics},
 };
 use search::Search;
 
+/// Where a path cannot be made as fine as it is asked for, planning starts again
+/// with steps shorter by this factor,
+const FINER: f64 = 0.5;
+/// but not shorter than this fraction of those asked for.
+const FINEST: f64 = 0.1;
 /// Constraints may be violated by rounding.
 const ROUNDING: f64 = 1e-10;
 
@@ -84,9 +89,31 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'a, M, V> {
                 error,
             });
         }
-        let mut search = Search::new(self, k, start, goal)?;
-        let outcome = search.run(&clock, observer);
-        search.finish(outcome, &clock)
+        let mut statistics = Statistics::default();
+        let mut step = self.options.step;
+        loop {
+            let mut search = Search::new(self, step, k, start, goal)?;
+            let outcome = search.run(&clock, statistics, observer);
+            let outcome = outcome.map(|(a, b)| search.path(a, b));
+            statistics = search.figures(statistics, &clock);
+            step *= FINER;
+            let failure = match outcome {
+                Ok(Some(points)) => {
+                    return Ok(Plan {
+                        points,
+                        statistics,
+                        trees: None,
+                    });
+                }
+                Ok(None) if step >= FINEST * self.options.step => continue,
+                Ok(None) => Failure::Resolution,
+                Err(failure) => failure,
+            };
+            return Err(PlanError::NotFound {
+                failure,
+                statistics: Box::new(statistics),
+            });
+        }
     }
 
     /// Whether an endpoint is within all bounds and limits, and valid.

@@ -32,6 +32,8 @@ pub(super) struct Place {
 
 pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     pub(super) planner: &'p AtlasRrt<'p, M, V>,
+    /// Length δ of a step.
+    pub(super) full_step: f64,
     pub(super) atlas: Atlas,
     pub(super) trees: Vec<Tree>,
     /// Charts that represent nodes of each tree.
@@ -52,11 +54,18 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     pub(super) target_t: Vec<f64>,
     pub(super) wanted: Vec<f64>,
     pub(super) step: Vec<f64>,
+    /// The step before its last correction.
+    pub(super) step_before: Vec<f64>,
     pub(super) limits: Vec<f64>,
     pub(super) violated: Vec<Constraint>,
     pub(super) contacts: Vec<usize>,
     pub(super) gradient: SparseRow,
     pub(super) tangent_gradient: Vec<f64>,
+    /// Jacobian at the point where constraints are linearised.
+    pub(super) jacobian: Vec<f64>,
+    pub(super) dense: Vec<f64>,
+    /// The step before, in tangent coordinates.
+    pub(super) last_step: Vec<f64>,
     /// Changes of the normal offset over the last two steps, newest first.
     pub(super) normal_changes: [Vec<f64>; 2],
     pub(super) normal_history: usize,
@@ -65,6 +74,7 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
 impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
     pub(super) fn new(
         planner: &'p AtlasRrt<'p, M, V>,
+        full_step: f64,
         k: usize,
         start: &[f64],
         goal: &[f64],
@@ -95,6 +105,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         };
         Ok(Self {
             planner,
+            full_step,
             atlas,
             trees,
             charts,
@@ -112,11 +123,15 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             target_t: vec![0.0; k],
             wanted: vec![0.0; k],
             step: vec![0.0; k],
+            step_before: vec![0.0; k],
             limits: vec![0.0; planner.manifold.limit_count()],
             violated: Vec::new(),
             contacts: Vec::new(),
             gradient: SparseRow::default(),
             tangent_gradient: vec![0.0; k],
+            jacobian: vec![0.0; planner.manifold.jacobian_pattern().len()],
+            dense: Vec::new(),
+            last_step: vec![0.0; k],
             normal_changes: [vec![0.0; m], vec![0.0; m]],
             normal_history: 0,
         })
@@ -127,6 +142,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
     pub(super) fn run(
         &mut self,
         clock: &ThreadTime,
+        spent: Statistics,
         observer: &mut dyn Observer,
     ) -> Result<(usize, usize), Failure> {
         let options = &self.planner.options;
@@ -143,8 +159,8 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             if iteration % 16 == 0 {
                 let progress = Progress {
                     seconds: clock.elapsed().as_secs_f64(),
-                    charts: self.atlas.len(),
-                    nodes: self.trees.iter().map(Tree::len).sum(),
+                    charts: spent.charts + self.atlas.len(),
+                    nodes: spent.nodes + self.trees.iter().map(Tree::len).sum::<usize>(),
                 };
                 if progress.seconds > options.time_limit {
                     return Err(Failure::Time);
