@@ -60,7 +60,7 @@ impl Default for PlannerOptions {
             step: 0.1,
             domain: ChartDomain::default(),
             sample_radius: SampleRadius::Fixed(3.0),
-            goal_bias: 0.05,
+            goal_bias: 0.1,
             tolerance: 1e-5,
             slide: true,
             limit_margin: 2e-3,

@@ -52,33 +52,6 @@ pub struct Statistics {
     pub stops: StopCounts,
 }
 
-impl Statistics {
-    /// Adds the counts of another run.
-    pub(crate) fn add(&mut self, other: &Self) {
-        for (sum, count) in [
-            (&mut self.charts, other.charts),
-            (&mut self.nodes, other.nodes),
-            (&mut self.extensions, other.extensions),
-            (&mut self.productive_extensions, other.productive_extensions),
-            (&mut self.projections, other.projections),
-            (&mut self.chord_iterations, other.chord_iterations),
-            (&mut self.newton_iterations, other.newton_iterations),
-            (&mut self.validity_tests, other.validity_tests),
-            (&mut self.sliding_steps, other.sliding_steps),
-            (&mut self.stops.reached, other.stops.reached),
-            (&mut self.stops.limit, other.stops.limit),
-            (&mut self.stops.contact, other.stops.contact),
-            (&mut self.stops.blocked, other.stops.blocked),
-            (&mut self.stops.no_progress, other.stops.no_progress),
-            (&mut self.stops.correction, other.stops.correction),
-            (&mut self.stops.projection, other.stops.projection),
-            (&mut self.stops.singular, other.stops.singular),
-        ] {
-            *sum += count;
-        }
-    }
-}
-
 /// A path on the manifold.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]

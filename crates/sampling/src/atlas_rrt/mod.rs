@@ -23,15 +23,13 @@ use tensegra_atlas::{ImplicitManifold, ManifoldError, Validity, dimension};
 
 use crate::{
     options::PlannerOptions,
-    plan::{Failure, Observer, Plan, PlanError, Statistics},
+    plan::{Failure, Observer, Plan, PlanError},
 };
 use search::Search;
 
-/// Where a path cannot be made as fine as it is asked for, planning starts again
-/// with steps shorter by this factor,
-const FINER: f64 = 0.5;
-/// but not shorter than this fraction of those asked for.
-const FINEST: f64 = 0.1;
+/// Where a path cannot be made as fine as it is asked for, the branch concerned is
+/// removed and the search goes on, this often.
+const REPAIRS: usize = 100;
 /// Constraints may be violated by rounding.
 const ROUNDING: f64 = 1e-10;
 
@@ -89,31 +87,29 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'a, M, V> {
                 error,
             });
         }
-        let mut statistics = Statistics::default();
-        let mut step = self.options.step;
-        loop {
-            let mut search = Search::new(self, step, k, start, goal)?;
-            let outcome = search.run(&clock, statistics, observer);
-            let outcome = outcome.map(|(a, b)| search.path(a, b));
-            statistics = search.figures(statistics, &clock);
-            step *= FINER;
-            let failure = match outcome {
-                Ok(Some(points)) => {
-                    return Ok(Plan {
-                        points,
-                        statistics,
-                        trees: None,
-                    });
-                }
-                Ok(None) if step >= FINEST * self.options.step => continue,
-                Ok(None) => Failure::Resolution,
-                Err(failure) => failure,
-            };
-            return Err(PlanError::NotFound {
-                failure,
-                statistics: Box::new(statistics),
-            });
-        }
+        let mut search = Search::new(self, k, start, goal)?;
+        let mut repairs = 0;
+        let failure = loop {
+            match search.run(&clock, observer) {
+                Ok((a, b)) => match search.path(a, b) {
+                    Ok(points) => {
+                        return Ok(Plan {
+                            points,
+                            statistics: search.figures(&clock),
+                            trees: None,
+                        });
+                    }
+                    Err(_) if repairs == REPAIRS => break Failure::Resolution,
+                    Err(broken) => search.prune(broken),
+                },
+                Err(failure) => break failure,
+            }
+            repairs += 1;
+        };
+        Err(PlanError::NotFound {
+            failure,
+            statistics: Box::new(search.figures(&clock)),
+        })
     }
 
     /// Whether an endpoint is within all bounds and limits, and valid.

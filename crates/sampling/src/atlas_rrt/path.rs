@@ -26,42 +26,69 @@ const RESOLUTION: f64 = 0.55;
 const INSIDE: f64 = 1e-6;
 const OVERSHOOT: f64 = 0.2;
 
+/// A node of one of the trees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NodeOf {
+    tree: usize,
+    node: usize,
+}
+
 impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
-    /// Figures of this search and of those before.
-    pub(super) fn figures(&self, spent: Statistics, clock: &ThreadTime) -> Statistics {
+    /// Figures of the search.
+    pub(super) fn figures(&self, clock: &ThreadTime) -> Statistics {
         let mut figures = self.statistics;
         figures.charts = self.atlas.len();
         figures.nodes = self.trees.iter().map(Tree::len).sum();
         figures.projections = self.work.projections;
         figures.chord_iterations = self.work.chord_iterations;
         figures.newton_iterations = self.work.newton_iterations;
-        figures.add(&spent);
         figures.seconds = clock.elapsed().as_secs_f64();
         figures
     }
 
     /// The path through node `a` of the first tree and `b` of the second (or the
-    /// goal). `None` where points between two nodes cannot be kept within the
-    /// limits or clear.
-    pub(super) fn path(&mut self, a: usize, b: usize) -> Option<Vec<Vec<f64>>> {
-        let mut nodes = branch_of(&self.trees[0], a);
+    /// goal).
+    ///
+    /// # Errors
+    /// The node whose branch cannot be kept within the limits and clear at
+    /// points between it and its parent.
+    pub(super) fn path(&mut self, a: usize, b: usize) -> Result<Vec<Vec<f64>>, NodeOf> {
+        let mut nodes = branch_of(&self.trees, 0, a);
         nodes.reverse();
-        match self.trees.get(1) {
-            Some(tree) => nodes.extend(branch_of(tree, b)),
-            None => nodes.push((self.goal.clone(), self.goal_chart)),
+        let meeting = nodes.len();
+        if self.trees.len() == 2 {
+            nodes.extend(branch_of(&self.trees, 1, b));
         }
         let mut points: Vec<Vec<f64>> = Vec::new();
-        for (mut x, chart) in nodes {
-            self.settle(&mut x, chart)?;
+        for i in 0..=nodes.len() {
+            let (mut x, chart) = match nodes.get(i) {
+                Some(&NodeOf { tree, node }) => {
+                    let tree = &self.trees[tree];
+                    (tree.point(node).to_vec(), tree.chart(node))
+                }
+                None if self.trees.len() == 1 => (self.goal.clone(), self.goal_chart),
+                None => break,
+            };
+            // Where the trees meet, or where the branch leads away from the root:
+            // the node before.
+            let broken = nodes[if i < meeting { i } else { i - 1 }];
+            if self.settle(&mut x, chart).is_none() {
+                return Err(nodes.get(i).copied().unwrap_or(broken));
+            }
             if points.is_empty() {
                 self.planner.validity.enter(&x, &mut self.memory);
                 self.here.x.copy_from_slice(&x);
                 points.push(x);
             } else if !self.refine(&mut points, x, chart, HALVINGS) {
-                return None;
+                return Err(broken);
             }
         }
-        Some(points)
+        Ok(points)
+    }
+
+    /// Removes a node and all that grew from it; a root stays.
+    pub(super) fn prune(&mut self, broken: NodeOf) {
+        self.trees[broken.tree].prune(broken.node);
     }
 
     /// Moves a point onto the manifold and into the limits.
@@ -152,10 +179,9 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     }
 }
 
-/// A node and those that lead to it, from the node to the root, with the chart
-/// of each.
-fn branch_of(tree: &Tree, node: usize) -> Vec<(Vec<f64>, usize)> {
-    std::iter::successors(Some(node), |&node| tree.parent(node))
-        .map(|node| (tree.point(node).to_vec(), tree.chart(node)))
+/// A node and those that lead to it, from the node to the root.
+fn branch_of(trees: &[Tree], tree: usize, node: usize) -> Vec<NodeOf> {
+    std::iter::successors(Some(node), |&node| trees[tree].parent(node))
+        .map(|node| NodeOf { tree, node })
         .collect()
 }

@@ -34,6 +34,8 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     pub(super) planner: &'p AtlasRrt<'p, M, V>,
     /// Length δ of a step.
     pub(super) full_step: f64,
+    /// Whether the straight connection has been tried.
+    begun: bool,
     pub(super) atlas: Atlas,
     pub(super) trees: Vec<Tree>,
     /// Charts that represent nodes of each tree.
@@ -74,7 +76,6 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
 impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
     pub(super) fn new(
         planner: &'p AtlasRrt<'p, M, V>,
-        full_step: f64,
         k: usize,
         start: &[f64],
         goal: &[f64],
@@ -105,7 +106,8 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         };
         Ok(Self {
             planner,
-            full_step,
+            full_step: planner.options.step,
+            begun: false,
             atlas,
             trees,
             charts,
@@ -142,25 +144,26 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
     pub(super) fn run(
         &mut self,
         clock: &ThreadTime,
-        spent: Statistics,
         observer: &mut dyn Observer,
     ) -> Result<(usize, usize), Failure> {
         let options = &self.planner.options;
         // The straight connection first: easy problems need no search.
-        let goal = self.goal.clone();
-        let branch = self.extend(0, 0, &goal, true);
-        if branch.reached {
-            return Ok((branch.last, 0));
+        if !std::mem::replace(&mut self.begun, true) {
+            let goal = self.goal.clone();
+            let branch = self.extend(0, 0, &goal, true);
+            if branch.reached {
+                return Ok((branch.last, 0));
+            }
         }
-        let mut target = vec![0.0; goal.len()];
+        let mut target = vec![0.0; self.goal.len()];
         let mut turn = 0;
         let mut fruitless = 0;
         for iteration in 0_usize.. {
             if iteration % 16 == 0 {
                 let progress = Progress {
                     seconds: clock.elapsed().as_secs_f64(),
-                    charts: spent.charts + self.atlas.len(),
-                    nodes: spent.nodes + self.trees.iter().map(Tree::len).sum::<usize>(),
+                    charts: self.atlas.len(),
+                    nodes: self.trees.iter().map(Tree::len).sum(),
                 };
                 if progress.seconds > options.time_limit {
                     return Err(Failure::Time);
