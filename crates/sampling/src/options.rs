@@ -25,9 +25,11 @@ pub struct PlannerOptions {
     pub seed: u64,
     /// Whether a second tree grows from the goal.
     pub two_trees: bool,
-    /// Length δ of a step of a branch. The path returned is as fine as
-    /// [`AtlasRrt::max_displacement`](crate::AtlasRrt::max_displacement) says.
+    /// Length δ of a step of a branch.
     pub step: f64,
+    /// Largest distance between neighbouring points of the path returned, which
+    /// are inserted where branches made longer steps.
+    pub path_step: f64,
     /// How far charts reach.
     pub domain: ChartDomain,
     /// Radius ρ_s of sampling.
@@ -57,7 +59,8 @@ impl Default for PlannerOptions {
         Self {
             seed: 1,
             two_trees: true,
-            step: 0.1,
+            step: 0.05,
+            path_step: f64::INFINITY,
             domain: ChartDomain::default(),
             sample_radius: SampleRadius::Fixed(3.0),
             goal_bias: 0.1,

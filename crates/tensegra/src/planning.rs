@@ -18,6 +18,9 @@ use crate::{
 /// Branches grow in steps this much longer than those of the path, which is made
 /// finer when it is found.
 const BRANCH_STEP: f64 = 2.0;
+/// Points of the path lie at most this multiple of a step apart in the manifold's
+/// coordinates, forces included.
+const PATH_STEP: f64 = 1.1;
 /// Nodes of the trees hold the equations to this multiple of what is asked for;
 /// the points of the path hold them to rounding.
 const TREE_TOLERANCE: f64 = 1e4;
@@ -313,6 +316,8 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
         SamplingRadius::Fixed(radius) => SampleRadius::Fixed(radius),
         SamplingRadius::Adaptive => SampleRadius::Adaptive { largest: 3.0 },
     };
+    options.slide = settings.slide;
+    options.path_step = PATH_STEP * settings.step;
     options.tolerance = (TREE_TOLERANCE * settings.tolerance).min(options.tolerance);
     options.max_charts = settings.max_charts;
     options.max_nodes = settings.max_nodes;

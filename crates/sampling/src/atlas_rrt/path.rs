@@ -20,8 +20,6 @@ const CORRECTIONS: usize = 8;
 const BETWEEN: f64 = 5e-4;
 /// and the motion may stray from the straight line by this fraction of its length.
 const DEVIATION: f64 = 0.05;
-/// Points of the path lie at most this fraction of a branch's step apart.
-const RESOLUTION: f64 = 0.55;
 /// A correction aims this far inside a limit, and this fraction of the violation farther.
 const INSIDE: f64 = 1e-6;
 const OVERSHOOT: f64 = 0.2;
@@ -157,7 +155,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         halvings: usize,
     ) -> bool {
         let planner = self.planner;
-        let resolution = RESOLUTION * self.full_step;
+        let resolution = planner.options.path_step;
         if squared_distance(&self.here.x, &x) <= resolution * resolution
             && planner.validity.displacement(&self.here.x, &x) <= planner.max_displacement
             && self.is_nearly_straight(chart, &x)
