@@ -14,7 +14,7 @@
 
 use crate::{
     error::ManifoldError,
-    manifold::ImplicitManifold,
+    manifold::{ImplicitManifold, SparseRow, SparsityPattern},
     qr::{PivotedQr, axpy, dot},
 };
 
@@ -153,6 +153,37 @@ impl Chart {
         x.copy_from_slice(&self.center);
         for (&t, vector) in t.iter().zip(self.basis.chunks_exact(self.center.len())) {
             axpy(t, vector, x);
+        }
+    }
+
+    /// Gradient, in tangent coordinates, of a function on the manifold at one of
+    /// its points: Φᵀ (g − Jᵀ Bᵀ g), with `gradient` g in all variables and the
+    /// values J of the Jacobian at that point. It is exact at the centre and to
+    /// first order in the turn of the tangent space from there. `scratch` is memory.
+    /// Cost: k m, and the entries of J.
+    pub fn pull_back(
+        &self,
+        pattern: &SparsityPattern,
+        jacobian: &[f64],
+        gradient: &SparseRow,
+        scratch: &mut Vec<f64>,
+        tangent_gradient: &mut [f64],
+    ) {
+        let m = self.center.len();
+        scratch.clear();
+        scratch.resize(m, 0.0);
+        for &(variable, g) in gradient.entries() {
+            scratch[variable] += g;
+        }
+        for (&row, column) in self.rows.iter().zip(self.pseudo_inverse.chunks_exact(m)) {
+            let multiplier: f64 = gradient.entries().iter().map(|&(i, g)| g * column[i]).sum();
+            let range = pattern.row_range(row as usize);
+            for (&i, &v) in pattern.row(row as usize).iter().zip(&jacobian[range]) {
+                scratch[i] -= v * multiplier;
+            }
+        }
+        for (t, vector) in tangent_gradient.iter_mut().zip(self.basis.chunks_exact(m)) {
+            *t = dot(vector, scratch);
         }
     }
 

@@ -47,6 +47,19 @@ pub trait Validity: Sync {
         violated: &mut Vec<usize>,
     ) -> Result<(), Obstruction>;
 
+    /// Judges a step of a path that others will know by its two ends alone: they
+    /// may return to the manifold between them in a way of their own, and must
+    /// find the motion valid too. `false` asks for points closer together.
+    fn robust_step(
+        &self,
+        from: &Self::Memory,
+        x: &[f64],
+        to: &mut Self::Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+    ) -> bool {
+        self.step(from, x, to, between, &mut Vec::new()).is_ok()
+    }
+
     /// Value of a contact at x, scaled like the variables: positive when clear.
     /// Adds its gradient to `row`. `None` where the contact has no usable
     /// normal, so that a branch must stop there.

@@ -725,6 +725,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         s: [f64; 2],
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
         halvings: usize,
+        robust: bool,
     ) -> bool {
         let mut y = vec![0.0; self.manifold.ambient_dimension()];
         let middle = 0.5 * (s[0] + s[1]);
@@ -763,9 +764,10 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
                 Primitives::CapsuleObstacle(i, _) => deviation[i],
                 _ => 0.0,
             };
-            // A judge that returns to the manifold another way finds another
-            // middle, no farther off than this one is from the straight line.
-            if self.scene.contact(pair, &state).clearance < self.least + deviation {
+            // Who returns to the manifold another way finds another middle, no
+            // farther off than this one is from the straight line.
+            let room = if robust { deviation } else { 0.0 };
+            if self.scene.contact(pair, &state).clearance < self.least + room {
                 return false;
             }
             let slack = self.least + DEVIATION_FACTOR * deviation;
@@ -783,7 +785,8 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             .into_iter()
             .all(|(states, s)| {
                 let left = self.not_clear_by_displacement(&open, states);
-                left.is_empty() || self.is_clear_between(&left, states, s, between, halvings - 1)
+                left.is_empty()
+                    || self.is_clear_between(&left, states, s, between, halvings - 1, robust)
             })
     }
 
@@ -802,36 +805,16 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             })
             .collect()
     }
-}
 
-/// The largest displacement of each capsule.
-fn displacements(a: &State, b: &State) -> Vec<f64> {
-    let moved = |(a, b): (&Capsule, &Capsule)| (b.a - a.a).norm().max((b.b - a.b).norm());
-    a.capsules.iter().zip(&b.capsules).map(moved).collect()
-}
-
-impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
-    type Memory = Memory;
-
-    fn memory(&self) -> Memory {
-        Memory {
-            state: self.scene.state(self.manifold.structure().nodes.len()),
-            bounds: vec![f64::NEG_INFINITY; self.scene.pairs.len()],
-        }
-    }
-
-    fn enter(&self, x: &[f64], memory: &mut Memory) {
-        self.place(x, &mut memory.state);
-        memory.bounds.fill(f64::NEG_INFINITY);
-    }
-
-    fn step(
+    /// [`Validity::step`] and [`Validity::robust_step`].
+    fn test(
         &self,
         from: &Memory,
         x: &[f64],
         to: &mut Memory,
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
         violated: &mut Vec<usize>,
+        robust: bool,
     ) -> Result<(), Obstruction> {
         if self.scene.pairs.is_empty() {
             return Ok(());
@@ -873,12 +856,56 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
         let states = (&from.state, &to.state);
         let doubtful = self.not_clear_by_displacement(&doubtful, states);
         if doubtful.is_empty()
-            || self.is_clear_between(&doubtful, states, [0.0, 1.0], between, HALVINGS)
+            || self.is_clear_between(&doubtful, states, [0.0, 1.0], between, HALVINGS, robust)
         {
             Ok(())
         } else {
             Err(Obstruction::Blocked)
         }
+    }
+}
+
+/// The largest displacement of each capsule.
+fn displacements(a: &State, b: &State) -> Vec<f64> {
+    let moved = |(a, b): (&Capsule, &Capsule)| (b.a - a.a).norm().max((b.b - a.b).norm());
+    a.capsules.iter().zip(&b.capsules).map(moved).collect()
+}
+
+impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
+    type Memory = Memory;
+
+    fn memory(&self) -> Memory {
+        Memory {
+            state: self.scene.state(self.manifold.structure().nodes.len()),
+            bounds: vec![f64::NEG_INFINITY; self.scene.pairs.len()],
+        }
+    }
+
+    fn enter(&self, x: &[f64], memory: &mut Memory) {
+        self.place(x, &mut memory.state);
+        memory.bounds.fill(f64::NEG_INFINITY);
+    }
+
+    fn step(
+        &self,
+        from: &Memory,
+        x: &[f64],
+        to: &mut Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+        violated: &mut Vec<usize>,
+    ) -> Result<(), Obstruction> {
+        self.test(from, x, to, between, violated, false)
+    }
+
+    fn robust_step(
+        &self,
+        from: &Memory,
+        x: &[f64],
+        to: &mut Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+    ) -> bool {
+        self.test(from, x, to, between, &mut Vec::new(), true)
+            .is_ok()
     }
 
     fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {

@@ -65,10 +65,13 @@ pub struct PlannerSettings {
     /// Largest relative shortening of a step in tangent space against the step
     /// on the manifold (CE).
     pub curvature: f64,
-    /// Step δ of a branch.
+    /// Step δ: no node moves farther than this times the structure's size in a
+    /// step of the path. Branches grow in steps twice as long.
     pub step: f64,
     /// Radius from which samples are drawn.
     pub sampling_radius: SamplingRadius,
+    /// Whether branches slide along limits and contacts instead of stopping there.
+    pub slide: bool,
     /// Newton iterations after which a projection is given up.
     pub max_newton_iterations: usize,
     /// Charts after which planning is given up.
@@ -98,6 +101,7 @@ impl Default for PlannerSettings {
             curvature: 0.1,
             step: 0.05,
             sampling_radius: SamplingRadius::default(),
+            slide: true,
             max_newton_iterations: 50,
             max_charts: 150_000,
             max_nodes: 250_000,

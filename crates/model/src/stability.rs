@@ -326,6 +326,15 @@ impl<'a, M: EquilibriumManifold + ?Sized, V: Validity> Stable<'a, M, V> {
         Some((stiffness.unwrap_or(f64::NAN), margin))
     }
 
+    /// At the end of a step and in its middle.
+    fn is_stable_step(&self, x: &[f64], between: &mut dyn FnMut(f64, &mut [f64]) -> bool) -> bool {
+        if self.margin.is_none() {
+            return true;
+        }
+        let mut middle = vec![0.0; x.len()];
+        self.is_stable(x) && between(0.5, &mut middle) && self.is_stable(&middle)
+    }
+
     fn is_stable(&self, x: &[f64]) -> bool {
         self.margin.is_none_or(|margin| {
             self.stability
@@ -354,15 +363,21 @@ impl<M: EquilibriumManifold + ?Sized, V: Validity> Validity for Stable<'_, M, V>
         violated: &mut Vec<usize>,
     ) -> Result<(), Obstruction> {
         self.inner.step(from, x, to, between, violated)?;
-        if self.margin.is_none() {
-            return Ok(());
-        }
-        let mut middle = vec![0.0; x.len()];
-        if self.is_stable(x) && between(0.5, &mut middle) && self.is_stable(&middle) {
+        if self.is_stable_step(x, between) {
             Ok(())
         } else {
             Err(Obstruction::Blocked)
         }
+    }
+
+    fn robust_step(
+        &self,
+        from: &Self::Memory,
+        x: &[f64],
+        to: &mut Self::Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+    ) -> bool {
+        self.inner.robust_step(from, x, to, between) && self.is_stable_step(x, between)
     }
 
     fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {

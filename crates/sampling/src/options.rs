@@ -27,6 +27,9 @@ pub struct PlannerOptions {
     pub two_trees: bool,
     /// Length δ of a step of a branch.
     pub step: f64,
+    /// Largest distance between neighbouring points of the path returned, which
+    /// are inserted where branches made longer steps.
+    pub path_step: f64,
     /// How far charts reach.
     pub domain: ChartDomain,
     /// Radius ρ_s of sampling.
@@ -34,7 +37,8 @@ pub struct PlannerOptions {
     /// Probability that a branch aims at a random node of the other tree (at
     /// the goal, with one tree) instead of at a sample.
     pub goal_bias: f64,
-    /// Residual below which the equations hold.
+    /// Residual of the nodes of the trees. Those of the path returned hold to
+    /// 1e-12.
     pub tolerance: f64,
     /// Whether branches slide along limits and contacts instead of stopping.
     pub slide: bool,
@@ -56,10 +60,11 @@ impl Default for PlannerOptions {
             seed: 1,
             two_trees: true,
             step: 0.05,
+            path_step: f64::INFINITY,
             domain: ChartDomain::default(),
             sample_radius: SampleRadius::Fixed(3.0),
-            goal_bias: 0.05,
-            tolerance: 1e-7,
+            goal_bias: 0.1,
+            tolerance: 1e-5,
             slide: true,
             limit_margin: 2e-3,
             contact_margin: 1e-3,

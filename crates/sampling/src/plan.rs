@@ -80,6 +80,10 @@ pub enum Failure {
     /// No branch made any progress for a long time.
     #[error("no branch makes progress any more")]
     NoProgress,
+    /// A path was found, but not as fine as asked for: points between its nodes
+    /// leave the limits or are not clear.
+    #[error("no path as fine as asked for was found")]
+    Resolution,
     /// The observer asked to stop.
     #[error("planning was cancelled")]
     Cancelled,

@@ -47,17 +47,21 @@ pub(crate) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 impl Tree {
     /// A tree with one node.
     pub(crate) fn new(root: &[f64], chart: usize, center: &[f64]) -> Self {
-        let mut tree = Self {
-            dimension: root.len(),
+        let mut tree = Self::empty(root.len());
+        tree.add(root, None, chart, center);
+        tree
+    }
+
+    fn empty(dimension: usize) -> Self {
+        Self {
+            dimension,
             points: Vec::new(),
             parents: Vec::new(),
             charts: Vec::new(),
             groups: Vec::new(),
             group_of_chart: Vec::new(),
             order: Vec::new(),
-        };
-        tree.add(root, None, chart, center);
-        tree
+        }
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -114,6 +118,44 @@ impl Tree {
         node
     }
 
+    /// Removes a node with all its descendants, unless it is the root; the others
+    /// are numbered anew. Cost: linear in the nodes.
+    pub(crate) fn prune(&mut self, node: usize) {
+        if node == 0 {
+            return;
+        }
+        let mut whole = std::mem::replace(self, Self::empty(self.dimension));
+        let centers: Vec<Option<Vec<f64>>> = whole
+            .group_of_chart
+            .iter()
+            .map(|&group| {
+                (group != NONE).then(|| std::mem::take(&mut whole.groups[group as usize].center))
+            })
+            .collect();
+        let mut group_charts = vec![0; whole.len()];
+        for (chart, &group) in whole.group_of_chart.iter().enumerate() {
+            if group != NONE {
+                for &member in &whole.groups[group as usize].members {
+                    group_charts[member as usize] = chart;
+                }
+            }
+        }
+        // Parents come before their children.
+        let mut numbers = vec![NONE; whole.len()];
+        for old in 0..whole.len() {
+            let parent = whole.parent(old).map(|parent| numbers[parent]);
+            if old == node || parent == Some(NONE) {
+                continue;
+            }
+            let group = group_charts[old];
+            let center = centers[group].as_deref().unwrap_or_default();
+            let parent = parent.map(|parent| parent as usize);
+            let new = self.add(whole.point(old), parent, group, center);
+            self.set_chart(new, whole.chart(old));
+            numbers[old] = new as u32;
+        }
+    }
+
     /// The node nearest to x, and its distance.
     pub(crate) fn nearest(&mut self, x: &[f64]) -> (usize, f64) {
         self.order.clear();
@@ -147,6 +189,29 @@ impl Tree {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pruning_removes_a_node_and_what_grew_from_it() {
+        let mut tree = Tree::new(&[0.0], 0, &[0.0]);
+        for (x, parent, chart) in [
+            (1.0, 0, 0),
+            (2.0, 1, 1),
+            (3.0, 2, 1),
+            (4.0, 0, 1),
+            (5.0, 4, 2),
+        ] {
+            tree.add(&[x], Some(parent), chart, &[2.0 * chart as f64]);
+        }
+        tree.set_chart(1, 2);
+        tree.prune(2);
+        let left: Vec<f64> = (0..tree.len()).map(|i| tree.point(i)[0]).collect();
+        assert_eq!(left, [0.0, 1.0, 4.0, 5.0]);
+        assert_eq!([tree.parent(2), tree.parent(3)], [Some(0), Some(2)]);
+        assert_eq!([tree.chart(1), tree.chart(2), tree.chart(3)], [2, 1, 2]);
+        assert_eq!(tree.nearest(&[2.9]), (2, 4.0 - 2.9));
+        tree.prune(0);
+        assert_eq!(tree.len(), 4);
+    }
 
     #[test]
     fn the_nearest_node_is_that_of_a_full_scan() {

@@ -15,6 +15,16 @@ use crate::{
     forms::find_endpoints,
 };
 
+/// Branches grow in steps this much longer than those of the path, which is made
+/// finer when it is found.
+const BRANCH_STEP: f64 = 2.0;
+/// Points of the path lie at most this multiple of a step apart in the manifold's
+/// coordinates, forces included.
+const PATH_STEP: f64 = 1.1;
+/// Nodes of the trees hold the equations to this multiple of what is asked for;
+/// the points of the path hold them to rounding.
+const TREE_TOLERANCE: f64 = 1e4;
+
 /// A path, and how it was found.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -262,6 +272,9 @@ pub fn plan(problem: &Problem, observer: &mut dyn Observer) -> Result<Plan, Plan
         refuse_instability(&free, which, x)?;
     }
     let preparation_seconds = clock.elapsed().as_secs_f64();
+    // As the judge has it: at the first configuration.
+    let first = manifold.configuration(start);
+    let size = problem.structure.size(&first.positions);
     let planner = AtlasRrt::new(manifold, &free, planner_options(problem))
         .max_displacement(settings.step * size);
     let found = planner.plan(start, &goal, observer)?;
@@ -292,7 +305,7 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
     let mut options = PlannerOptions::default();
     options.seed = problem.seed;
     options.two_trees = settings.planner == PlannerKind::TwoTrees;
-    options.step = settings.step;
+    options.step = BRANCH_STEP * settings.step;
     options.domain = ChartDomain {
         radius: settings.chart_radius,
         error: settings.chart_error,
@@ -303,7 +316,9 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
         SamplingRadius::Fixed(radius) => SampleRadius::Fixed(radius),
         SamplingRadius::Adaptive => SampleRadius::Adaptive { largest: 3.0 },
     };
-    options.tolerance = settings.tolerance.max(1e-10);
+    options.slide = settings.slide;
+    options.path_step = PATH_STEP * settings.step;
+    options.tolerance = (TREE_TOLERANCE * settings.tolerance).min(options.tolerance);
     options.max_charts = settings.max_charts;
     options.max_nodes = settings.max_nodes;
     options.time_limit = settings.time_limit;

@@ -7,19 +7,26 @@ use tensegra::{
     model::{Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius},
 };
 
-use super::{BenchArguments, Results, RunFailure};
+use super::{BenchArguments, Results, RunFailure, scaling};
 use crate::{Error, root};
 
-const SUITE: &str = "manifold";
+pub const SUITE: &str = "manifold";
 
 const INTRODUCTION: &str = "\
 Planning problems of Porta and Hernández-Juan (2016), from start to goal without smoothing. The \
-variant without a name is the default: formulation `nodes`, two trees, one sampling radius. A run \
+variant without a name is the default: formulation `nodes`, two trees, one sampling radius, sliding \
+along limits and contacts; each other variant differs from it in what it is named after, and is \
+given up after 5 s. A run \
 is a success when a path is found and the judge accepts it, clearance between the samples \
 included. Planning time is CPU time of planning alone; path length and control effort are in the \
 coordinates of the paper; the smallest clearance, in units of length, is the one proven for the \
 whole motion; force balance is the largest unbalanced force over the largest force. A percentile \
-or maximum stands in the column of the median.
+or maximum stands in the column of the median. Of the branches begun, `productive branches` added \
+a node, and `stopped at limits and contacts` ended where these left no way on.
+
+The case `scaling` takes planar towers of 2 to 12 stages: CPU time of planning over the nodes of the \
+trees and over the charts, and the exponents of the power laws in the number of elements that fit \
+them best.
 
 References: `paper`, the table of Porta and Hernández-Juan (2016), on a machine of its time, \
 control effort before smoothing; `CuikSuite`, the CuikSuite 3.1 measured by us with its shipped \
@@ -96,13 +103,17 @@ struct Variant {
     cases: &'static [&'static str],
 }
 
-const VARIANTS: [Variant; 4] = [
+/// CPU seconds after which variants are given up.
+const PATIENCE: f64 = 5.0;
+
+const VARIANTS: [Variant; 5] = [
     Variant {
         name: "",
         apply: |settings| {
             settings.formulation = Formulation::Nodes;
             settings.planner = PlannerKind::TwoTrees;
             settings.sampling_radius = SamplingRadius::Automatic;
+            settings.slide = true;
         },
         cases: &[],
     },
@@ -110,7 +121,7 @@ const VARIANTS: [Variant; 4] = [
         name: "directions",
         apply: |settings| settings.formulation = Formulation::Directions,
         // Elsewhere its many variables make it a matter of patience.
-        cases: &["kite"],
+        cases: &["kite", "prism"],
     },
     Variant {
         name: "one tree",
@@ -121,6 +132,12 @@ const VARIANTS: [Variant; 4] = [
         name: "adaptive radius",
         apply: |settings| settings.sampling_radius = SamplingRadius::Adaptive,
         cases: &[],
+    },
+    Variant {
+        name: "no sliding",
+        apply: |settings| settings.slide = false,
+        // Elsewhere nothing is found in time.
+        cases: &["kite", "tower", "prism", "robot"],
     },
 ];
 
@@ -136,6 +153,10 @@ struct Run {
     clearance: Option<f64>,
     displacement: Option<f64>,
     balance: Option<f64>,
+    branches: f64,
+    /// Shares of the branches.
+    productive: f64,
+    obstructed: f64,
 }
 
 /// Planning times of a variant of a case, with the number of runs.
@@ -146,7 +167,9 @@ struct Times {
 }
 
 pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
-    arguments.refuse_unknown_cases(&CASES.each_ref().map(|case| case.name))?;
+    let mut known = CASES.each_ref().map(|case| case.name).to_vec();
+    known.push(scaling::NAME);
+    arguments.refuse_unknown_cases(&known)?;
     let mut rows = Vec::new();
     let mut failures = Vec::new();
     let mut times: Vec<(&str, Vec<Times>)> = Vec::new();
@@ -171,7 +194,11 @@ pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
             let mut problem = default.clone();
             (VARIANTS[0].apply)(&mut problem.settings);
             (variant.apply)(&mut problem.settings);
-            problem.settings.time_limit = arguments.time_limit;
+            problem.settings.time_limit = if variant.name.is_empty() {
+                arguments.time_limit
+            } else {
+                arguments.time_limit.min(PATIENCE)
+            };
             let mut runs = Vec::new();
             for seed in 1..=arguments.seed_count() {
                 problem.seed = seed;
@@ -196,9 +223,13 @@ pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
         }
         times.push((case.name, times_of_case));
     }
+    let mut pictures = pictures(&times)?;
+    if arguments.selects_case(scaling::NAME, CASES.len()) {
+        pictures.push(scaling::measure(arguments, &mut rows)?);
+    }
     Ok(Results {
         introduction: INTRODUCTION,
-        picture: picture(&times)?,
+        picture: (!pictures.is_empty()).then(|| Picture::grid(&pictures, 2)),
         rows,
         failures,
     })
@@ -219,19 +250,25 @@ fn run(problem: &Problem) -> Result<Run, String> {
             reasons.join("; ")
         ));
     }
+    let statistics = &plan.statistics;
+    let stops = &statistics.stops;
+    let share = |count: usize| count as f64 / statistics.extensions as f64;
     let figure = |check| report.figure(check).map(|figure| figure.value);
     let clearances = [Check::Clearance, Check::ClearanceBetween]
         .into_iter()
         .filter_map(figure);
     Ok(Run {
         seconds: plan.planning_seconds,
-        charts: plan.statistics.charts as f64,
-        nodes: plan.statistics.nodes as f64,
+        charts: statistics.charts as f64,
+        nodes: statistics.nodes as f64,
         path_length: plan.path_length,
         control_effort: plan.control_effort,
         clearance: clearances.reduce(f64::min),
         displacement: figure(Check::Displacement),
         balance: figure(Check::Balance),
+        branches: statistics.extensions as f64,
+        productive: share(statistics.productive_extensions),
+        obstructed: share(stops.limit + stops.contact),
     })
 }
 
@@ -300,12 +337,25 @@ fn rows_of(case: &Case, variant: &str, count: usize, runs: &[Run]) -> Vec<BenchR
             Vec::new(),
         ),
         row("force balance", "1", &some(|run| run.balance), Vec::new()),
+        row("branches", "1", &all(|run| run.branches), Vec::new()),
+        row(
+            "productive branches",
+            "1",
+            &all(|run| run.productive),
+            Vec::new(),
+        ),
+        row(
+            "stopped at limits and contacts",
+            "1",
+            &all(|run| run.obstructed),
+            Vec::new(),
+        ),
     ]
 }
 
 /// Distributions of planning times: of all cases in the default variant, and of
 /// the variants of each case that was run in several.
-fn picture(times: &[(&str, Vec<Times>)]) -> Result<Option<Picture>, Error> {
+fn pictures(times: &[(&str, Vec<Times>)]) -> Result<Vec<Picture>, Error> {
     let mut pictures = Vec::new();
     let defaults = times.iter().filter_map(|(case, variants)| {
         let default = variants.iter().find(|times| times.variant.is_empty())?;
@@ -323,7 +373,7 @@ fn picture(times: &[(&str, Vec<Times>)]) -> Result<Option<Picture>, Error> {
         });
         pictures.extend(distributions(case, named)?);
     }
-    Ok((!pictures.is_empty()).then(|| Picture::grid(&pictures, 2)))
+    Ok(pictures)
 }
 
 /// Cumulated distributions in one chart; none where no run succeeded.
@@ -375,12 +425,13 @@ mod tests {
             seconds: seconds.to_vec(),
         };
         assert!(
-            picture(&[("kite", vec![times("", &[])])])
+            pictures(&[("kite", vec![times("", &[])])])
                 .unwrap()
-                .is_none()
+                .is_empty()
         );
         let variants = vec![times("", &[0.1, 0.2]), times("one tree", &[0.3])];
-        let svg = picture(&[("kite", variants)]).unwrap().unwrap().to_svg();
+        let drawn = pictures(&[("kite", variants)]).unwrap();
+        let svg = Picture::grid(&drawn, 2).to_svg();
         assert!(svg.contains("kite (2/3)") && svg.contains("one tree (1/3)"));
     }
 }

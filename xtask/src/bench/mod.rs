@@ -5,6 +5,7 @@ mod formfinding;
 mod implicit;
 mod lar;
 mod manifold;
+mod scaling;
 
 use std::{fs, path::PathBuf};
 

@@ -12,7 +12,7 @@ use tensegra::{
         LogOptions, PathFile, Picture, Quantity, Units, draw_configuration, draw_forces,
         draw_paths, draw_snapshots, write_log, write_path_file,
     },
-    model::{ElementKind, PlannerKind, Problem},
+    model::{ElementKind, PlannerKind, Problem, SamplingRadius},
     sampling::{Statistics, StopCounts},
 };
 
@@ -52,6 +52,13 @@ pub struct Arguments {
     /// Planner [default: the problem's].
     #[arg(long, value_enum)]
     planner: Option<Planner>,
+    /// Radius from which samples are drawn around a chart's centre: a number,
+    /// `adaptive` (a radius for each chart), or `automatic` [default: the problem's].
+    #[arg(long, value_name = "R", value_parser = parse_radius)]
+    sampling_radius: Option<SamplingRadius>,
+    /// Stop branches at limits and contacts instead of sliding along them.
+    #[arg(long)]
+    no_slide: bool,
     /// CPU seconds after which planning is given up [default: the problem's].
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     time_limit: Option<f64>,
@@ -69,6 +76,17 @@ enum Planner {
     TwoTrees,
     /// AtlasRRT with a tree from the start.
     OneTree,
+}
+
+fn parse_radius(text: &str) -> Result<SamplingRadius, String> {
+    match (text, text.parse::<f64>()) {
+        ("adaptive", _) => Ok(SamplingRadius::Adaptive),
+        ("automatic", _) => Ok(SamplingRadius::Automatic),
+        (_, Ok(radius)) if radius.is_finite() && radius > 0.0 => Ok(SamplingRadius::Fixed(radius)),
+        _ => Err(format!(
+            "`{text}` is no radius; give a positive number, `adaptive` or `automatic`"
+        )),
+    }
 }
 
 /// One run of the planner with what was made of it.
@@ -116,6 +134,12 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
             Planner::TwoTrees => PlannerKind::TwoTrees,
             Planner::OneTree => PlannerKind::OneTree,
         };
+    }
+    if let Some(radius) = arguments.sampling_radius {
+        problem.settings.sampling_radius = radius;
+    }
+    if arguments.no_slide {
+        problem.settings.slide = false;
     }
     if let Some(seconds) = arguments.time_limit {
         problem.settings.time_limit = seconds;

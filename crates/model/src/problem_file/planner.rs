@@ -45,6 +45,11 @@ pub(crate) fn decode(decoder: &mut Decoder<'_>, value: Value<'_>, settings: &mut
             settings.sampling_radius = radius;
         }
     }
+    if let Some(value) = table.take("slide")
+        && let Some(slide) = decoder.flag(value)
+    {
+        settings.slide = slide;
+    }
     for (key, target) in [
         ("tolerance", &mut settings.tolerance),
         ("chart_radius", &mut settings.chart_radius),

@@ -10,6 +10,8 @@ use crate::tree::squared_distance;
 
 /// A step is halved down to this fraction of δ before its branch stops.
 const SHORTEST_STEP: f64 = 0.1;
+/// The same where corrections do not settle or the motion is not clear.
+const SHORTEST_SLIDE: f64 = 0.4;
 /// Each step must lower the squared distance to the target by this multiple of
 /// the squared step.
 const NEARER: f64 = 0.1;
@@ -48,7 +50,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     ) -> Branch {
         self.statistics.extensions += 1;
         let planner = self.planner;
-        let full_step = planner.options.step;
+        let full_step = self.full_step;
         let mut chart = self.trees[tree].chart(from);
         self.here.x.copy_from_slice(self.trees[tree].point(from));
         self.atlas.chart(chart).log(&self.here.x, &mut self.here.t);
@@ -143,7 +145,9 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
                         break Stop::Projection;
                     }
                 }
-                Step::Stopped(Stop::Correction) if scale == 1.0 => scale = 0.5,
+                Step::Stopped(Stop::Correction | Stop::Blocked) if scale > SHORTEST_SLIDE => {
+                    scale *= 0.5;
+                }
                 Step::Stopped(stop) => break stop,
             }
         };

@@ -23,10 +23,13 @@ use tensegra_atlas::{ImplicitManifold, ManifoldError, Validity, dimension};
 
 use crate::{
     options::PlannerOptions,
-    plan::{Observer, Plan, PlanError},
+    plan::{Failure, Observer, Plan, PlanError},
 };
 use search::Search;
 
+/// Where a path cannot be made as fine as it is asked for, the branch concerned is
+/// removed and the search goes on, this often.
+const REPAIRS: usize = 100;
 /// Constraints may be violated by rounding.
 const ROUNDING: f64 = 1e-10;
 
@@ -85,8 +88,28 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'a, M, V> {
             });
         }
         let mut search = Search::new(self, k, start, goal)?;
-        let outcome = search.run(&clock, observer);
-        search.finish(outcome, &clock)
+        let mut repairs = 0;
+        let failure = loop {
+            match search.run(&clock, observer) {
+                Ok((a, b)) => match search.path(a, b) {
+                    Ok(points) => {
+                        return Ok(Plan {
+                            points,
+                            statistics: search.figures(&clock),
+                            trees: None,
+                        });
+                    }
+                    Err(_) if repairs == REPAIRS => break Failure::Resolution,
+                    Err(broken) => search.prune(broken),
+                },
+                Err(failure) => break failure,
+            }
+            repairs += 1;
+        };
+        Err(PlanError::NotFound {
+            failure,
+            statistics: Box::new(search.figures(&clock)),
+        })
     }
 
     /// Whether an endpoint is within all bounds and limits, and valid.

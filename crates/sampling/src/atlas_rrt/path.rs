@@ -1,107 +1,185 @@
-//! The path through the trees: polished, and subdivided where it is coarse.
+//! The path through the trees: points that hold the equations and limits to
+//! rounding, as close to each other as is asked for.
 
 use cpu_time::ThreadTime;
 use tensegra_atlas::{ImplicitManifold, Validity};
 
-use super::search::Search;
+use super::{ROUNDING, search::Search, step::interpolate};
 use crate::{
-    plan::{Failure, Plan, PlanError},
-    tree::Tree,
+    plan::Statistics,
+    tree::{Tree, squared_distance},
 };
 
 /// Residual of the points of the returned path.
 const FINAL_TOLERANCE: f64 = 1e-12;
+/// How often the gap between two nodes is halved.
+const HALVINGS: usize = 8;
+/// Corrections of a point that violates limits.
+const CORRECTIONS: usize = 8;
+/// Between points of the path, limits may be left by this much,
+const BETWEEN: f64 = 5e-4;
+/// and the motion may stray from the straight line by this fraction of its length.
+const DEVIATION: f64 = 0.05;
+/// A correction aims this far inside a limit, and this fraction of the violation farther.
+const INSIDE: f64 = 1e-6;
+const OVERSHOOT: f64 = 0.2;
+
+/// A node of one of the trees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NodeOf {
+    tree: usize,
+    node: usize,
+}
 
 impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
-    /// Path and statistics.
-    pub(super) fn finish(
-        mut self,
-        outcome: Result<(usize, usize), Failure>,
-        clock: &ThreadTime,
-    ) -> Result<Plan, PlanError> {
-        let points = outcome.map(|(a, b)| self.path(a, b));
-        let mut statistics = self.statistics;
-        statistics.seconds = clock.elapsed().as_secs_f64();
-        statistics.charts = self.atlas.len();
-        statistics.nodes = self.trees.iter().map(Tree::len).sum();
-        statistics.projections = self.work.projections;
-        statistics.chord_iterations = self.work.chord_iterations;
-        statistics.newton_iterations = self.work.newton_iterations;
-        match points {
-            Ok(points) => Ok(Plan {
-                points,
-                statistics,
-                trees: None,
-            }),
-            Err(failure) => Err(PlanError::NotFound {
-                failure,
-                statistics: Box::new(statistics),
-            }),
-        }
+    /// Figures of the search.
+    pub(super) fn figures(&self, clock: &ThreadTime) -> Statistics {
+        let mut figures = self.statistics;
+        figures.charts = self.atlas.len();
+        figures.nodes = self.trees.iter().map(Tree::len).sum();
+        figures.projections = self.work.projections;
+        figures.chord_iterations = self.work.chord_iterations;
+        figures.newton_iterations = self.work.newton_iterations;
+        figures.seconds = clock.elapsed().as_secs_f64();
+        figures
     }
 
     /// The path through node `a` of the first tree and `b` of the second (or the
-    /// goal), its points polished, and subdivided where they lie too far apart.
-    pub(super) fn path(&mut self, a: usize, b: usize) -> Vec<Vec<f64>> {
-        let mut nodes = Vec::new();
-        let mut cursor = Some(a);
-        while let Some(node) = cursor {
-            nodes.push((
-                self.trees[0].point(node).to_vec(),
-                self.trees[0].chart(node),
-            ));
-            cursor = self.trees[0].parent(node);
-        }
+    /// goal).
+    ///
+    /// # Errors
+    /// The node whose branch cannot be kept within the limits and clear at
+    /// points between it and its parent.
+    pub(super) fn path(&mut self, a: usize, b: usize) -> Result<Vec<Vec<f64>>, NodeOf> {
+        let mut nodes = branch_of(&self.trees, 0, a);
         nodes.reverse();
-        if let Some(tree) = self.trees.get(1) {
-            let mut cursor = Some(b);
-            while let Some(node) = cursor {
-                nodes.push((tree.point(node).to_vec(), tree.chart(node)));
-                cursor = tree.parent(node);
-            }
-        } else {
-            nodes.push((self.goal.clone(), self.goal_chart));
+        let meeting = nodes.len();
+        if self.trees.len() == 2 {
+            nodes.extend(branch_of(&self.trees, 1, b));
         }
         let mut points: Vec<Vec<f64>> = Vec::new();
-        for (mut x, chart) in nodes {
-            self.polish(&mut x, chart);
-            if let Some(previous) = points.last().cloned() {
-                self.subdivide(&mut points, &previous, &x, chart, 8);
+        for i in 0..=nodes.len() {
+            let (mut x, chart) = match nodes.get(i) {
+                Some(&NodeOf { tree, node }) => {
+                    let tree = &self.trees[tree];
+                    (tree.point(node).to_vec(), tree.chart(node))
+                }
+                None if self.trees.len() == 1 => (self.goal.clone(), self.goal_chart),
+                None => break,
+            };
+            // Where the trees meet, or where the branch leads away from the root:
+            // the node before.
+            let broken = nodes[if i < meeting { i } else { i - 1 }];
+            if self.settle(&mut x, chart).is_none() {
+                return Err(nodes.get(i).copied().unwrap_or(broken));
             }
-            points.push(x);
+            if points.is_empty() {
+                self.planner.validity.enter(&x, &mut self.memory);
+                self.here.x.copy_from_slice(&x);
+                points.push(x);
+            } else if !self.refine(&mut points, x, chart, HALVINGS) {
+                return Err(broken);
+            }
         }
-        points
+        Ok(points)
     }
 
-    pub(super) fn polish(&mut self, x: &mut [f64], chart: usize) {
-        let before = x.to_vec();
+    /// Removes a node and all that grew from it; a root stays.
+    pub(super) fn prune(&mut self, broken: NodeOf) {
+        self.trees[broken.tree].prune(broken.node);
+    }
+
+    /// Moves a point onto the manifold and into the limits.
+    fn settle(&mut self, x: &mut [f64], chart: usize) -> Option<()> {
         let manifold = self.planner.manifold;
+        self.next.x.copy_from_slice(x);
+        for _ in 0..=CORRECTIONS {
+            self.atlas
+                .chart(chart)
+                .retract(manifold, &mut self.next.x, FINAL_TOLERANCE, &mut self.work)
+                .ok()?;
+            self.violated.clear();
+            self.find_violated_limits(ROUNDING);
+            if self.violated.is_empty() {
+                x.copy_from_slice(&self.next.x);
+                return Some(());
+            }
+            self.rows.clear();
+            manifold.jacobian(&self.next.x, &mut self.jacobian);
+            for i in 0..self.violated.len() {
+                let constraint = self.violated[i];
+                let value = self.linearise(chart, constraint, true)?;
+                let wanted = INSIDE - (1.0 + OVERSHOOT) * value;
+                self.rows.set(constraint, &self.tangent_gradient, wanted);
+            }
+            self.step.fill(0.0);
+            self.rows.solve(&mut self.step);
+            let chart = self.atlas.chart(chart);
+            for (j, &s) in self.step.iter().enumerate() {
+                for (x, v) in self.next.x.iter_mut().zip(chart.tangent(j)) {
+                    *x += s * v;
+                }
+            }
+        }
+        None
+    }
+
+    /// Whether the motion from `here` to x, judged at its middle, keeps to the
+    /// limits and strays little from the straight line.
+    fn is_nearly_straight(&mut self, chart: usize, x: &[f64]) -> bool {
+        let planner = self.planner;
+        let (manifold, tolerance) = (planner.manifold, planner.options.tolerance);
+        interpolate(0.5, &self.here.x, x, &mut self.next.x);
+        let straight = self.next.x.clone();
         let chart = self.atlas.chart(chart);
         if chart
-            .retract(manifold, x, FINAL_TOLERANCE, &mut self.work)
+            .retract(manifold, &mut self.next.x, tolerance, &mut self.work)
             .is_err()
         {
-            x.copy_from_slice(&before);
+            return false;
         }
+        self.violated.clear();
+        self.find_violated_limits(BETWEEN);
+        let deviation = squared_distance(&straight, &self.next.x);
+        self.violated.is_empty()
+            && deviation <= DEVIATION * DEVIATION * squared_distance(&self.here.x, x)
     }
 
-    /// Appends points between `a` and `b` until none of the gaps is too wide.
-    pub(super) fn subdivide(
+    /// Appends `x`, and before it points between the last one (in `here`) and it
+    /// until none of the gaps is too wide.
+    fn refine(
         &mut self,
         points: &mut Vec<Vec<f64>>,
-        a: &[f64],
-        b: &[f64],
+        x: Vec<f64>,
         chart: usize,
-        depth: usize,
-    ) {
+        halvings: usize,
+    ) -> bool {
         let planner = self.planner;
-        if depth == 0 || planner.validity.displacement(a, b) <= planner.max_displacement {
-            return;
+        let resolution = planner.options.path_step;
+        if squared_distance(&self.here.x, &x) <= resolution * resolution
+            && planner.validity.displacement(&self.here.x, &x) <= planner.max_displacement
+            && self.is_nearly_straight(chart, &x)
+            && self.is_robust(chart, &x)
+        {
+            self.here.x.copy_from_slice(&x);
+            std::mem::swap(&mut self.memory, &mut self.next_memory);
+            points.push(x);
+            return true;
         }
-        let mut middle: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
-        self.polish(&mut middle, chart);
-        self.subdivide(points, a, &middle, chart, depth - 1);
-        points.push(middle.clone());
-        self.subdivide(points, &middle, b, chart, depth - 1);
+        if halvings == 0 {
+            return false;
+        }
+        let ends = self.here.x.iter().zip(&x);
+        let mut middle: Vec<f64> = ends.map(|(a, b)| 0.5 * (a + b)).collect();
+        self.settle(&mut middle, chart).is_some()
+            && self.refine(points, middle, chart, halvings - 1)
+            && self.refine(points, x, chart, halvings - 1)
     }
+}
+
+/// A node and those that lead to it, from the node to the root.
+fn branch_of(trees: &[Tree], tree: usize, node: usize) -> Vec<NodeOf> {
+    std::iter::successors(Some(node), |&node| trees[tree].parent(node))
+        .map(|node| NodeOf { tree, node })
+        .collect()
 }

@@ -32,6 +32,10 @@ pub(super) struct Place {
 
 pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     pub(super) planner: &'p AtlasRrt<'p, M, V>,
+    /// Length δ of a step.
+    pub(super) full_step: f64,
+    /// Whether the straight connection has been tried.
+    begun: bool,
     pub(super) atlas: Atlas,
     pub(super) trees: Vec<Tree>,
     /// Charts that represent nodes of each tree.
@@ -52,11 +56,18 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     pub(super) target_t: Vec<f64>,
     pub(super) wanted: Vec<f64>,
     pub(super) step: Vec<f64>,
+    /// The step before its last correction.
+    pub(super) step_before: Vec<f64>,
     pub(super) limits: Vec<f64>,
     pub(super) violated: Vec<Constraint>,
     pub(super) contacts: Vec<usize>,
     pub(super) gradient: SparseRow,
     pub(super) tangent_gradient: Vec<f64>,
+    /// Jacobian at the point where constraints are linearised.
+    pub(super) jacobian: Vec<f64>,
+    pub(super) dense: Vec<f64>,
+    /// The step before, in tangent coordinates.
+    pub(super) last_step: Vec<f64>,
     /// Changes of the normal offset over the last two steps, newest first.
     pub(super) normal_changes: [Vec<f64>; 2],
     pub(super) normal_history: usize,
@@ -95,6 +106,8 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         };
         Ok(Self {
             planner,
+            full_step: planner.options.step,
+            begun: false,
             atlas,
             trees,
             charts,
@@ -112,11 +125,15 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             target_t: vec![0.0; k],
             wanted: vec![0.0; k],
             step: vec![0.0; k],
+            step_before: vec![0.0; k],
             limits: vec![0.0; planner.manifold.limit_count()],
             violated: Vec::new(),
             contacts: Vec::new(),
             gradient: SparseRow::default(),
             tangent_gradient: vec![0.0; k],
+            jacobian: vec![0.0; planner.manifold.jacobian_pattern().len()],
+            dense: Vec::new(),
+            last_step: vec![0.0; k],
             normal_changes: [vec![0.0; m], vec![0.0; m]],
             normal_history: 0,
         })
@@ -131,12 +148,14 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
     ) -> Result<(usize, usize), Failure> {
         let options = &self.planner.options;
         // The straight connection first: easy problems need no search.
-        let goal = self.goal.clone();
-        let branch = self.extend(0, 0, &goal, true);
-        if branch.reached {
-            return Ok((branch.last, 0));
+        if !std::mem::replace(&mut self.begun, true) {
+            let goal = self.goal.clone();
+            let branch = self.extend(0, 0, &goal, true);
+            if branch.reached {
+                return Ok((branch.last, 0));
+            }
         }
-        let mut target = vec![0.0; goal.len()];
+        let mut target = vec![0.0; self.goal.len()];
         let mut turn = 0;
         let mut fruitless = 0;
         for iteration in 0_usize.. {

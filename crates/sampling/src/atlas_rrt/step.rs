@@ -21,26 +21,52 @@ pub(super) enum Step {
 }
 
 impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
-    /// Validity of the step from `here` to x (tangent coordinates in `next.t`).
+    /// Validity of the step from `here` to x.
     pub(super) fn test(&mut self, chart: usize, x: &[f64]) -> Result<(), Obstruction> {
         self.statistics.validity_tests += 1;
-        let planner = self.planner;
-        let chart = self.atlas.chart(chart);
-        let (here, work) = (&self.here, &mut self.work);
+        let Self {
+            planner,
+            atlas,
+            here,
+            memory,
+            next_memory,
+            contacts,
+            work,
+            ..
+        } = self;
+        let (options, manifold) = (&planner.options, planner.manifold);
+        let chart = atlas.chart(chart);
         planner.validity.step(
-            &self.memory,
+            memory,
             x,
-            &mut self.next_memory,
+            next_memory,
             &mut |s, y| {
-                for ((y, a), b) in y.iter_mut().zip(&here.x).zip(x) {
-                    *y = a + s * (b - a);
-                }
-                chart
-                    .retract(planner.manifold, y, planner.options.tolerance, work)
-                    .is_ok()
+                interpolate(s, &here.x, x, y);
+                chart.retract(manifold, y, options.tolerance, work).is_ok()
             },
-            &mut self.contacts,
+            contacts,
         )
+    }
+
+    /// Whether the step from `here` to x is valid by its ends alone.
+    pub(super) fn is_robust(&mut self, chart: usize, x: &[f64]) -> bool {
+        let Self {
+            planner,
+            atlas,
+            here,
+            memory,
+            next_memory,
+            work,
+            ..
+        } = self;
+        let (options, manifold) = (&planner.options, planner.manifold);
+        let chart = atlas.chart(chart);
+        planner
+            .validity
+            .robust_step(memory, x, next_memory, &mut |s, y| {
+                interpolate(s, &here.x, x, y);
+                chart.retract(manifold, y, options.tolerance, work).is_ok()
+            })
     }
 
     /// One step of `wanted`, slid along whatever is in the way, into `next`.
@@ -49,7 +75,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         let options = &planner.options;
         self.refresh_rows(chart, step);
         let mut slid = !self.rows.is_empty();
-        for _ in 0..=CORRECTIONS {
+        for correction in 0..=CORRECTIONS {
+            std::mem::swap(&mut self.step, &mut self.step_before);
             self.step.copy_from_slice(&self.wanted);
             if slid {
                 self.rows.solve(&mut self.step);
@@ -77,7 +104,11 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
                     return Step::Stopped(Stop::NoProgress);
                 }
             }
-            self.predict(chart, slid);
+            if correction == 0 {
+                self.predict(chart);
+            } else {
+                self.move_next(chart);
+            }
             let here = self.atlas.chart(chart);
             if here
                 .retract(
@@ -94,7 +125,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
                 return Step::NeedsChart;
             }
             self.violated.clear();
-            self.find_violated_limits();
+            self.find_violated_limits(ROUNDING);
             if self.violated.is_empty() {
                 self.contacts.clear();
                 let x = std::mem::take(&mut self.next.x);
@@ -116,6 +147,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
                 return Step::Stopped(if contact { Stop::Contact } else { Stop::Limit });
             }
             slid = true;
+            planner.manifold.jacobian(&self.next.x, &mut self.jacobian);
             for i in 0..self.violated.len() {
                 let constraint = self.violated[i];
                 let Some(value) = self.linearise(chart, constraint, true) else {
@@ -135,30 +167,43 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         Step::Stopped(Stop::Correction)
     }
 
-    /// Starting point of the projection: the tangent step plus the expected
-    /// change of the normal offset, extrapolated from the steps before.
-    pub(super) fn predict(&mut self, chart: usize, slid: bool) {
+    /// Starting point of the first projection of a step: the tangent step plus
+    /// the expected change of the normal offset, extrapolated from the steps before.
+    fn predict(&mut self, chart: usize) {
         self.next.x.copy_from_slice(&self.here.x);
+        let chart = self.atlas.chart(chart);
         for (j, &s) in self.step.iter().enumerate() {
-            let tangent = self.atlas.chart(chart).tangent(j);
-            for (x, v) in self.next.x.iter_mut().zip(tangent) {
-                *x += s * v;
-            }
+            axpy(s, chart.tangent(j), &mut self.next.x);
         }
-        if slid || self.normal_history == 0 {
+        if self.normal_history == 0 {
             return;
         }
+        let square: f64 = self.last_step.iter().map(|s| s * s).sum();
+        let along: f64 = self
+            .step
+            .iter()
+            .zip(&self.last_step)
+            .map(|(a, b)| a * b)
+            .sum();
+        let ratio = along / square;
+        if !(0.5..=2.0).contains(&ratio) {
+            return;
+        }
+        // Offsets grow with the square of the way: a parabola through the last steps.
         let [newest, before] = &self.normal_changes;
-        if self.normal_history == 1 {
-            self.next
-                .x
-                .iter_mut()
-                .zip(newest)
-                .for_each(|(x, a)| *x += a);
-        } else {
-            for ((x, a), b) in self.next.x.iter_mut().zip(newest).zip(before) {
-                *x += 2.0 * a - b;
-            }
+        axpy(ratio, newest, &mut self.next.x);
+        if self.normal_history > 1 {
+            let curved = 0.5 * ratio * (1.0 + ratio);
+            axpy(curved, newest, &mut self.next.x);
+            axpy(-curved, before, &mut self.next.x);
+        }
+    }
+
+    /// Starting point of the projections after a correction of the step.
+    fn move_next(&mut self, chart: usize) {
+        let chart = self.atlas.chart(chart);
+        for (j, (&s, &b)) in self.step.iter().zip(&self.step_before).enumerate() {
+            axpy(s - b, chart.tangent(j), &mut self.next.x);
         }
     }
 
@@ -169,30 +214,28 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         for ((d, a), b) in newest.iter_mut().zip(&self.next.x).zip(&self.here.x) {
             *d = a - b;
         }
+        let chart = self.atlas.chart(chart);
         for (j, &s) in self.step.iter().enumerate() {
-            let tangent = self.atlas.chart(chart).tangent(j);
-            newest
-                .iter_mut()
-                .zip(tangent)
-                .for_each(|(d, v)| *d -= s * v);
+            axpy(-s, chart.tangent(j), newest);
         }
+        self.last_step.copy_from_slice(&self.step);
         self.normal_history = (self.normal_history + 1).min(2);
     }
 
-    /// Bounds and limits violated at `next`.
-    pub(super) fn find_violated_limits(&mut self) {
+    /// Bounds and limits violated at `next` by more than a tolerance.
+    pub(super) fn find_violated_limits(&mut self, tolerance: f64) {
         let manifold = self.planner.manifold;
         let bounds = manifold.lower_bounds().iter().zip(manifold.upper_bounds());
         for (i, (&x, (&lo, &hi))) in self.next.x.iter().zip(bounds).enumerate() {
-            if x < lo - ROUNDING {
+            if x < lo - tolerance {
                 self.violated.push(Constraint::Lower(i));
-            } else if x > hi + ROUNDING {
+            } else if x > hi + tolerance {
                 self.violated.push(Constraint::Upper(i));
             }
         }
         manifold.limits(&self.next.x, &mut self.limits);
         for (i, &value) in self.limits.iter().enumerate() {
-            if value < -ROUNDING {
+            if value < -tolerance {
                 self.violated.push(Constraint::Limit(i));
             }
         }
@@ -231,23 +274,25 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
             }
             Constraint::Contact(i) => planner.validity.contact(i, x, &mut self.gradient)?,
         };
-        let chart = self.atlas.chart(chart);
-        self.tangent_gradient.fill(0.0);
-        for &(variable, g) in self.gradient.entries() {
-            for (a, v) in self
-                .tangent_gradient
-                .iter_mut()
-                .zip(chart.variable(variable))
-            {
-                *a += g * v;
-            }
-        }
+        self.atlas.chart(chart).pull_back(
+            planner.manifold.jacobian_pattern(),
+            &self.jacobian,
+            &self.gradient,
+            &mut self.dense,
+            &mut self.tangent_gradient,
+        );
         Some(value)
     }
 
     /// Linearises the constraints of the step before at `here` and drops those
     /// that this step cannot reach.
     pub(super) fn refresh_rows(&mut self, chart: usize, step: f64) {
+        if self.rows.is_empty() {
+            return;
+        }
+        self.planner
+            .manifold
+            .jacobian(&self.here.x, &mut self.jacobian);
         let mut i = 0;
         while i < self.rows.constraints.len() {
             let constraint = self.rows.constraints[i];
@@ -277,4 +322,18 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
 
 pub(super) fn norm(v: &[f64]) -> f64 {
     v.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// y ← y + α x.
+fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += alpha * x;
+    }
+}
+
+/// y = a + s (b − a).
+pub(super) fn interpolate(s: f64, a: &[f64], b: &[f64], y: &mut [f64]) {
+    for ((y, a), b) in y.iter_mut().zip(a).zip(b) {
+        *y = a + s * (b - a);
+    }
 }
