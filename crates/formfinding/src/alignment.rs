@@ -21,7 +21,11 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaterni
 pub fn alignment(points: &[Point3<f64>], targets: &[Point3<f64>], planar: bool) -> Isometry3<f64> {
     let count = points.len().min(targets.len()).max(1) as f64;
     let mean = |points: &[Point3<f64>]| {
-        points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count
+        points
+            .iter()
+            .map(|point| point.coords)
+            .sum::<Vector3<f64>>()
+            / count
     };
     let (from, to) = (mean(points), mean(targets));
     let covariance: Matrix3<f64> = points

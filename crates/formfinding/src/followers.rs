@@ -116,8 +116,7 @@ impl Placement<'_> {
             for (end, sign) in [(a, -1.0), (b, 1.0)] {
                 if end == node {
                     for axis in 0..self.dimension {
-                        jacobian[(row, follower * self.dimension + axis)] +=
-                            sign * direction[axis];
+                        jacobian[(row, follower * self.dimension + axis)] += sign * direction[axis];
                     }
                 }
             }

@@ -114,7 +114,9 @@ pub fn force_density_positions(
     }
     for axis in 0..structure.dimension {
         let right = DVector::from_fn(free.len(), |i, _| {
-            let pulls = held.iter().map(|&node| whole[(free[i], node)] * positions[node][axis]);
+            let pulls = held
+                .iter()
+                .map(|&node| whole[(free[i], node)] * positions[node][axis]);
             structure.nodes[free[i]].load[axis] - pulls.sum::<f64>()
         });
         let solution = lu.solve(&right).ok_or_else(singular)?;
@@ -142,7 +144,10 @@ pub fn free_standing_shape(
     let mut order: Vec<usize> = (0..structure.nodes.len()).collect();
     order.sort_by(|&i, &j| size(i).total_cmp(&size(j)));
     let largest = order.last().map_or(0.0, |&i| size(i));
-    let nullity = order.iter().take_while(|&&i| size(i) <= ZERO * largest).count();
+    let nullity = order
+        .iter()
+        .take_while(|&&i| size(i) <= ZERO * largest)
+        .count();
     let needed = structure.dimension + 1;
     if nullity != needed {
         let next = order.get(nullity.min(needed));
@@ -157,7 +162,9 @@ pub fn free_standing_shape(
     let mut columns = DMatrix::zeros(n, needed + 1);
     columns.column_mut(0).fill(1.0);
     for (j, &i) in order[..needed].iter().enumerate() {
-        columns.column_mut(j + 1).copy_from(&eigen.eigenvectors.column(i));
+        columns
+            .column_mut(j + 1)
+            .copy_from(&eigen.eigenvectors.column(i));
     }
     let mut coordinates: Vec<DVector<f64>> = Vec::new();
     for column in columns.column_iter() {
@@ -173,9 +180,16 @@ pub fn free_standing_shape(
             coordinates.push(rest.normalize());
         }
     }
-    let at = |node: usize, axis: usize| coordinates.get(axis + 1).map_or(0.0, |column| column[node]);
+    let at =
+        |node: usize, axis: usize| coordinates.get(axis + 1).map_or(0.0, |column| column[node]);
     Ok((0..n)
-        .map(|node| Point3::new(at(node, 0), at(node, 1), if needed > 3 { at(node, 2) } else { 0.0 }))
+        .map(|node| {
+            Point3::new(
+                at(node, 0),
+                at(node, 1),
+                if needed > 3 { at(node, 2) } else { 0.0 },
+            )
+        })
         .collect())
 }
 
@@ -234,7 +248,9 @@ pub fn critical_force_density(
     let mut base = force_density_matrix(structure, &others);
     // Translations are made stiff: they are in the null space of both.
     base.add_scalar_mut(base.diagonal().amax() / n as f64);
-    let cholesky = base.cholesky().ok_or(ForceDensityError::NoCriticalDensity)?;
+    let cholesky = base
+        .cholesky()
+        .ok_or(ForceDensityError::NoCriticalDensity)?;
     let lower = cholesky.l_dirty();
     let half = lower.solve_lower_triangular(&force_density_matrix(structure, &own));
     let whole = half

@@ -58,7 +58,9 @@ pub fn losses(structure: &Structure, configuration: &Configuration) -> Vec<Optio
         }
         let moved = form.configuration.positions.iter().zip(start);
         Some(Loss::Holds {
-            displacement: moved.map(|(to, from)| (to - from).norm()).fold(0.0, f64::max),
+            displacement: moved
+                .map(|(to, from)| (to - from).norm())
+                .fold(0.0, f64::max),
             least_stiffness,
         })
     };

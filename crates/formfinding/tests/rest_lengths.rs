@@ -39,28 +39,48 @@ fn read<T: serde::de::DeserializeOwned>(name: &str) -> T {
 impl Robot {
     /// The structure, and for each of its nodes the number that the file gives it.
     fn structure(&self) -> (Structure, Vec<usize>) {
-        let mut builder = StructureBuilder::spatial().free_flying([9.0; 3]).pretension(None);
+        let mut builder = StructureBuilder::spatial()
+            .free_flying([9.0; 3])
+            .pretension(None);
         let spec = |kind, name: String, pair: &[usize; 2], stiffness| {
             let nodes = pair.map(|node| format!("n{node}"));
             ElementSpec::new(kind, name, nodes, [2.0, 4.0]).stiffness(stiffness)
         };
         for (i, pair) in self.cables.iter().enumerate() {
-            let mut cable = spec(ElementKind::Cable, format!("c{i}"), pair, self.cable_stiffness);
+            let mut cable = spec(
+                ElementKind::Cable,
+                format!("c{i}"),
+                pair,
+                self.cable_stiffness,
+            );
             cable = cable.rest(0.0..=2.0);
             builder = builder.element(cable);
         }
         for (i, pair) in self.rods.iter().enumerate() {
-            let rod = spec(ElementKind::Prismatic, format!("r{i}"), pair, self.rod_stiffness);
+            let rod = spec(
+                ElementKind::Prismatic,
+                format!("r{i}"),
+                pair,
+                self.rod_stiffness,
+            );
             builder = builder.element(rod.rest(self.rod_rest_length));
         }
         let mut structure = builder.build().unwrap();
         for element in &mut structure.elements {
             element.length = Interval::new(0.0, 9.0);
-            let least = if element.pulls_only() { 0.0 } else { f64::NEG_INFINITY };
+            let least = if element.pulls_only() {
+                0.0
+            } else {
+                f64::NEG_INFINITY
+            };
             element.force = Interval::new(least, f64::INFINITY);
         }
         let number = |name: &str| name[1..].parse().unwrap();
-        let order = structure.nodes.iter().map(|node| number(&node.name)).collect();
+        let order = structure
+            .nodes
+            .iter()
+            .map(|node| number(&node.name))
+            .collect();
         (structure, order)
     }
 
@@ -71,14 +91,19 @@ impl Robot {
 }
 
 fn points(nodes: &[[f64; 3]], order: &[usize]) -> Vec<Point3<f64>> {
-    order.iter().map(|&node| Point3::from(nodes[node])).collect()
+    order
+        .iter()
+        .map(|&node| Point3::from(nodes[node]))
+        .collect()
 }
 
 /// The largest distance between two poses after alignment.
 fn distance(found: &[Point3<f64>], stored: &[Point3<f64>]) -> f64 {
     let motion = alignment(found, stored, false);
     let pairs = found.iter().zip(stored);
-    pairs.map(|(a, b)| (motion * a - b).norm()).fold(0.0, f64::max)
+    pairs
+        .map(|(a, b)| (motion * a - b).norm())
+        .fold(0.0, f64::max)
 }
 
 fn reproduce(robot: &Robot, tolerance: f64) {
@@ -119,9 +144,18 @@ fn symmetric_six_bar(robot: &Robot, order: &[usize]) -> (f64, Vec<Point3<f64>>) 
     let b = (3.0 * k * 0.25 / 1.5_f64.sqrt() + stiff * 0.5) / (3.0 * k + 2.0 * stiff);
     let a = b / 2.0;
     let nodes = [
-        [-a, 0.0, -b], [-a, 0.0, b], [a, 0.0, -b], [a, 0.0, b],
-        [0.0, -b, -a], [0.0, b, -a], [0.0, -b, a], [0.0, b, a],
-        [-b, -a, 0.0], [b, -a, 0.0], [-b, a, 0.0], [b, a, 0.0],
+        [-a, 0.0, -b],
+        [-a, 0.0, b],
+        [a, 0.0, -b],
+        [a, 0.0, b],
+        [0.0, -b, -a],
+        [0.0, b, -a],
+        [0.0, -b, a],
+        [0.0, b, a],
+        [-b, -a, 0.0],
+        [b, -a, 0.0],
+        [-b, a, 0.0],
+        [b, a, 0.0],
     ];
     (b, points(&nodes, order))
 }
@@ -130,7 +164,9 @@ fn symmetric_six_bar(robot: &Robot, order: &[usize]) -> (f64, Vec<Point3<f64>>) 
 fn shaken(positions: &[Point3<f64>], size: f64) -> Vec<Point3<f64>> {
     let mut state = 1_u64;
     let mut next = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         size * ((state >> 33) as f64 / f64::from(1 << 30) - 1.0)
     };
     let shake = |p: &Point3<f64>| p + Vector3::new(next(), next(), next());
@@ -230,7 +266,11 @@ fn rigid_motions_of_the_start_move_the_result() {
     let mut solver = DirectSolver::new(&structure);
     let first = solver.solve(&start, &rest).unwrap();
     let second = solver.solve(&moved, &rest).unwrap();
-    let pairs = first.configuration.positions.iter().zip(&second.configuration.positions);
+    let pairs = first
+        .configuration
+        .positions
+        .iter()
+        .zip(&second.configuration.positions);
     for (a, b) in pairs {
         assert!((motion * a - b).norm() < 1e-11);
     }
@@ -252,7 +292,12 @@ fn relabelling_of_nodes_changes_nothing() {
     }
     let back: Vec<_> = start.iter().rev().copied().collect();
     let again = DirectSolver::new(&relabelled).solve(&back, &rest).unwrap();
-    let pairs = form.configuration.positions.iter().rev().zip(&again.configuration.positions);
+    let pairs = form
+        .configuration
+        .positions
+        .iter()
+        .rev()
+        .zip(&again.configuration.positions);
     for (a, b) in pairs {
         assert!((a - b).norm() < 1e-11);
     }
@@ -328,7 +373,10 @@ fn inverse_and_direct_agree() {
         // What is no equilibrium is told by the force that is left over.
         let wry = shaken(&form.configuration.positions, 0.02);
         let error = rest_lengths(&structure, &wry, &options).unwrap_err();
-        assert!(matches!(error, InverseError::NoBalance { force, .. } if force > 1e-3), "{error}");
+        assert!(
+            matches!(error, InverseError::NoBalance { force, .. } if force > 1e-3),
+            "{error}"
+        );
     }
 }
 
@@ -336,7 +384,13 @@ fn inverse_and_direct_agree() {
 fn inverse_meets_the_pretension_and_wanted_rest_lengths() {
     let (structure, square) = crossed_square(Some(3.0));
     let found = rest_lengths(&structure, &square, &InverseOptions::default()).unwrap();
-    let norm: f64 = found.configuration.forces.iter().flatten().map(|f| f * f).sum();
+    let norm: f64 = found
+        .configuration
+        .forces
+        .iter()
+        .flatten()
+        .map(|f| f * f)
+        .sum();
     assert!((norm.sqrt() - 3.0).abs() < 1e-12);
     assert_eq!(found.choices, 1);
     let (structure, square) = crossed_square(None);
@@ -344,8 +398,18 @@ fn inverse_meets_the_pretension_and_wanted_rest_lengths() {
     options.wanted_rest_lengths = vec![None, None, Some(1.3), Some(1.3), Some(1.3), Some(1.3)];
     let found = rest_lengths(&structure, &square, &options).unwrap();
     // The struts would rather carry nothing: a compromise, and the same for all.
-    let rest: Vec<f64> = found.configuration.rest_lengths.iter().flatten().copied().collect();
-    assert!(rest.iter().all(|r| (r - rest[0]).abs() < 1e-12 && *r > 1.2 && *r < 1.414), "{rest:?}");
+    let rest: Vec<f64> = found
+        .configuration
+        .rest_lengths
+        .iter()
+        .flatten()
+        .copied()
+        .collect();
+    assert!(
+        rest.iter()
+            .all(|r| (r - rest[0]).abs() < 1e-12 && *r > 1.2 && *r < 1.414),
+        "{rest:?}"
+    );
 }
 
 #[test]
@@ -359,22 +423,36 @@ fn inverse_says_what_contradicts_what() {
         }
     }
     let error = rest_lengths(&slack, &square, &InverseOptions::default()).unwrap_err();
-    let InverseError::OutOfRange { elements, violation, .. } = &error else {
+    let InverseError::OutOfRange {
+        elements,
+        violation,
+        ..
+    } = &error
+    else {
         panic!("{error}");
     };
-    assert!(elements.iter().any(|name| name.starts_with('c')) && *violation > 0.0, "{error}");
+    assert!(
+        elements.iter().any(|name| name.starts_with('c')) && *violation > 0.0,
+        "{error}"
+    );
     // A strut that is not as long as it has to be.
     let mut long = square.clone();
     long[1].x = 2.5;
     let error = rest_lengths(&structure, &long, &InverseOptions::default()).unwrap_err();
-    assert!(matches!(&error, InverseError::Length { element, .. } if element == "s1"), "{error}");
+    assert!(
+        matches!(&error, InverseError::Length { element, .. } if element == "s1"),
+        "{error}"
+    );
     // A shape without self-stress.
     let turned = [[0.0, 0.0], [2.0, 0.0], [2.5, 1.0], [2.5, -1.0]];
     let turned = turned.map(|[x, y]| Point3::new(x, y, 0.0));
     let mut few = structure.clone();
     few.elements.pop();
     let error = rest_lengths(&few, &turned, &InverseOptions::default()).unwrap_err();
-    assert!(matches!(error, InverseError::NoSelfStress { .. }), "{error}");
+    assert!(
+        matches!(error, InverseError::NoSelfStress { .. }),
+        "{error}"
+    );
 }
 
 #[test]
@@ -399,8 +477,13 @@ fn loads_are_carried_or_refused() {
     let sine = -form.configuration.positions[1].y / length;
     assert!((2.0 * 100.0 * (length - 1.25) * sine - 6.0).abs() < 1e-9);
     assert!(form.is_stable() && form.residual < 1e-9);
-    let error = DirectSolver::new(&hanging(false)).solve(&start, &rest).unwrap_err();
-    assert!(matches!(error, DirectError::UnbalancedLoads { axis: 'y', .. }), "{error}");
+    let error = DirectSolver::new(&hanging(false))
+        .solve(&start, &rest)
+        .unwrap_err();
+    assert!(
+        matches!(error, DirectError::UnbalancedLoads { axis: 'y', .. }),
+        "{error}"
+    );
     // Inverse, with the node level with the supports: no tension carries the weight.
     let level = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]].map(|[x, y]| Point3::new(x, y, 0.0));
     let error = rest_lengths(&structure, &level, &InverseOptions::default()).unwrap_err();
@@ -416,16 +499,25 @@ fn bad_input_is_refused_by_name() {
     let mut solver = DirectSolver::new(&structure);
     let rest = [None, None, Some(1.2), None, Some(1.2), Some(1.2)];
     let error = solver.solve(&square, &rest).unwrap_err();
-    assert!(matches!(&error, DirectError::MissingRest { element } if element == "c1"), "{error}");
+    assert!(
+        matches!(&error, DirectError::MissingRest { element } if element == "c1"),
+        "{error}"
+    );
     let rest = [None, None, Some(1.2), Some(-1.0), Some(1.2), Some(1.2)];
     let error = solver.solve(&square, &rest).unwrap_err();
-    assert!(matches!(&error, DirectError::BadRest { element, .. } if element == "c1"), "{error}");
+    assert!(
+        matches!(&error, DirectError::BadRest { element, .. } if element == "c1"),
+        "{error}"
+    );
     assert!(solver.solve(&square[1..], &rest).is_err());
     let mut bad = square.clone();
     bad[1].y = f64::INFINITY;
     let rest = [None, None, Some(1.2), Some(1.2), Some(1.2), Some(1.2)];
     let error = solver.solve(&bad, &rest).unwrap_err();
-    assert!(matches!(&error, DirectError::BadStart { node } if node == "c"), "{error}");
+    assert!(
+        matches!(&error, DirectError::BadStart { node } if node == "c"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -438,8 +530,13 @@ fn constant_lengths_that_contradict_one_another_are_named() {
         .build()
         .unwrap();
     let start = [[0.0, 0.0], [1.0, 0.0], [1.5, 0.9]].map(|[x, y]| Point3::new(x, y, 0.0));
-    let error = DirectSolver::new(&structure).solve(&start, &[None; 3]).unwrap_err();
-    assert!(matches!(error, DirectError::IncompatibleLengths { .. }), "{error}");
+    let error = DirectSolver::new(&structure)
+        .solve(&start, &[None; 3])
+        .unwrap_err();
+    assert!(
+        matches!(error, DirectError::IncompatibleLengths { .. }),
+        "{error}"
+    );
 }
 
 #[test]
@@ -448,7 +545,10 @@ fn the_six_bar_needs_every_element_and_the_braced_square_does_not() {
     let rest = [None, None, Some(1.2), Some(1.2), Some(1.2), Some(1.2)];
     let form = DirectSolver::new(&structure).solve(&square, &rest).unwrap();
     let fates = losses(&structure, &form.configuration);
-    assert!(fates.iter().all(|fate| *fate == Some(Loss::Collapses)), "{fates:?}");
+    assert!(
+        fates.iter().all(|fate| *fate == Some(Loss::Collapses)),
+        "{fates:?}"
+    );
     // Two cables side by side: one of them can go.
     let doubled = StructureBuilder::planar()
         .cable("one", ["a", "b"], 0.0..=9.0, 10.0, 0.5)
@@ -481,7 +581,9 @@ fn truncated_tetrahedron() -> [Vec<[usize; 2]>; 3] {
     }
     let signs = |i: usize| corners[i].map(i32::signum);
     let apart = |i: usize, j: usize| -> i32 {
-        (0..3).map(|axis| (corners[i][axis] - corners[j][axis]).pow(2)).sum()
+        (0..3)
+            .map(|axis| (corners[i][axis] - corners[j][axis]).pow(2))
+            .sum()
     };
     let vector = |i: usize| Vector3::from(corners[i].map(f64::from));
     // The next corner of a triangle, counterclockwise seen from outside.
@@ -531,7 +633,11 @@ fn truncated_tetrahedra_have_their_force_densities() {
     for (group, pairs) in groups.iter().enumerate() {
         for (i, pair) in pairs.iter().enumerate() {
             let nodes = pair.map(|node| format!("n{node}"));
-            let kind = [ElementKind::Cable, ElementKind::Cable, ElementKind::Prismatic][group];
+            let kind = [
+                ElementKind::Cable,
+                ElementKind::Cable,
+                ElementKind::Prismatic,
+            ][group];
             let spec = ElementSpec::new(kind, format!("e{group}.{i}"), nodes, [2.0, 4.0]);
             builder = builder.element(spec.stiffness(10.0).rest(0.0..=9.0));
             of.push(group);
@@ -539,14 +645,23 @@ fn truncated_tetrahedra_have_their_force_densities() {
     }
     let structure = builder.build().unwrap();
     let struts: Vec<usize> = (0..of.len()).filter(|&e| of[e] == 2).collect();
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/statics/closed_forms.toml");
+    let folder = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../fixtures/statics/closed_forms.toml"
+    );
     let data: Truncated = toml::from_str(&std::fs::read_to_string(folder).unwrap()).unwrap();
     for row in data.truncated_tetrahedron {
         let densities = |strut: f64| -> Vec<f64> {
-            of.iter().map(|&group| [1.0, row.edge, strut][group]).collect()
+            of.iter()
+                .map(|&group| [1.0, row.edge, strut][group])
+                .collect()
         };
         let strut = critical_force_density(&structure, &densities(0.0), &struts).unwrap();
-        assert!((strut - row.strut).abs() < 1e-10, "{strut} for {}", row.strut);
+        assert!(
+            (strut - row.strut).abs() < 1e-10,
+            "{strut} for {}",
+            row.strut
+        );
         let densities = densities(strut);
         let shape = free_standing_shape(&structure, &densities).unwrap();
         let matrix = force_density_matrix(&structure, &densities);

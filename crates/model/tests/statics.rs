@@ -7,7 +7,7 @@ use serde::Deserialize;
 use tensegra_model::{
     Actuation, Configuration, ElementKind, ElementSpec, Structure, StructureBuilder,
     statics::{
-        EquilibriumMatrix, MatrixAnalysis, PrestressStability, StiffnessSpectrum, StaticsError,
+        EquilibriumMatrix, MatrixAnalysis, PrestressStability, StaticsError, StiffnessSpectrum,
         SuperStability, force_densities, force_density_matrix, lumped_masses, natural_frequencies,
     },
 };
@@ -100,7 +100,10 @@ fn case(
     }
     Case {
         structure: builder.build().unwrap(),
-        positions: order.iter().map(|&node| Point3::from(points[node])).collect(),
+        positions: order
+            .iter()
+            .map(|&node| Point3::from(points[node]))
+            .collect(),
         groups: of,
     }
 }
@@ -159,7 +162,12 @@ fn prism(n: usize) -> Case {
 }
 
 fn octahedron(data: &Octahedron) -> Case {
-    case(3, &data.nodes, &[data.struts.clone(), data.cables.clone()], &[])
+    case(
+        3,
+        &data.nodes,
+        &[data.struts.clone(), data.cables.clone()],
+        &[],
+    )
 }
 
 fn polygon(n: usize) -> Case {
@@ -199,7 +207,10 @@ fn compare(case: &Case, expected: &Expected) {
     let configuration = case.prestressed(expected.densities[0]);
     let densities = force_densities(&configuration);
     for (density, &group) in densities.iter().zip(groups) {
-        assert!((density - expected.densities[group]).abs() < 1e-12, "{densities:?}");
+        assert!(
+            (density - expected.densities[group]).abs() < 1e-12,
+            "{densities:?}"
+        );
     }
     let matrix_of_densities = force_density_matrix(structure, &densities);
     for axis in 0..3 {
@@ -211,8 +222,7 @@ fn compare(case: &Case, expected: &Expected) {
     assert_eq!(super_stability.nullity, structure.dimension + 1);
     let nonzero = &super_stability.eigenvalues[super_stability.nullity..];
     assert_close(nonzero, &expected.eigenvalues, 1e-8);
-    let prestress =
-        PrestressStability::new(structure, &configuration, &matrix, &analysis).unwrap();
+    let prestress = PrestressStability::new(structure, &configuration, &matrix, &analysis).unwrap();
     assert!(prestress.is_stable());
     assert_close(&prestress.eigenvalues, &expected.stiffened, 1e-8);
     let stability = StiffnessSpectrum::new(structure, &configuration, Actuation::Length).unwrap();
@@ -268,8 +278,7 @@ fn summary(case: &Case, configuration: &Configuration) -> Summary {
     let masses: Vec<f64> = (0..structure.nodes.len())
         .map(|node| 1.0 + structure.nodes[node].name.len() as f64)
         .collect();
-    let prestress =
-        PrestressStability::new(structure, configuration, &matrix, &analysis).unwrap();
+    let prestress = PrestressStability::new(structure, configuration, &matrix, &analysis).unwrap();
     let super_stability = SuperStability::new(structure, configuration).unwrap();
     Summary {
         counts: [
@@ -291,29 +300,55 @@ fn summary(case: &Case, configuration: &Configuration) -> Summary {
 fn assert_scaled(found: &Summary, reference: &Summary, force: f64, length: f64) {
     assert_eq!(found.counts, reference.counts);
     let compare = |found: &[f64], reference: &[f64], scale: f64| {
-        let largest = reference.iter().fold(0.0_f64, |l, value| l.max(value.abs()));
+        let largest = reference
+            .iter()
+            .fold(0.0_f64, |l, value| l.max(value.abs()));
         let expected: Vec<f64> = reference.iter().map(|value| scale * value).collect();
         assert_close(found, &expected, 1e-11 * scale * largest);
     };
     let stiffness = force / length;
     compare(&found.stiffness, &reference.stiffness, stiffness);
-    compare(&found.force_controlled, &reference.force_controlled, stiffness);
+    compare(
+        &found.force_controlled,
+        &reference.force_controlled,
+        stiffness,
+    );
     compare(&found.stiffened, &reference.stiffened, stiffness);
-    compare(&found.force_densities, &reference.force_densities, stiffness);
+    compare(
+        &found.force_densities,
+        &reference.force_densities,
+        stiffness,
+    );
     compare(&found.frequencies, &reference.frequencies, stiffness.sqrt());
 }
 
-fn scaled(case: &Case, configuration: &Configuration, force: f64, length: f64) -> (Case, Configuration) {
+fn scaled(
+    case: &Case,
+    configuration: &Configuration,
+    force: f64,
+    length: f64,
+) -> (Case, Configuration) {
     let (mut case, mut configuration) = (case.clone(), configuration.clone());
     for element in &mut case.structure.elements {
         if let tensegra_model::ForceLaw::Linear { stiffness, .. } = &mut element.law {
             *stiffness *= force / length;
         }
     }
-    configuration.positions.iter_mut().for_each(|p| *p *= length);
+    configuration
+        .positions
+        .iter_mut()
+        .for_each(|p| *p *= length);
     configuration.lengths.iter_mut().for_each(|l| *l *= length);
-    configuration.rest_lengths.iter_mut().flatten().for_each(|r| *r *= length);
-    configuration.forces.iter_mut().flatten().for_each(|f| *f *= force);
+    configuration
+        .rest_lengths
+        .iter_mut()
+        .flatten()
+        .for_each(|r| *r *= length);
+    configuration
+        .forces
+        .iter_mut()
+        .flatten()
+        .for_each(|f| *f *= force);
     (case, configuration)
 }
 
@@ -375,15 +410,25 @@ fn supports_take_freedoms_and_motions_away() {
     assert_eq!(matrix.matrix().shape(), (9, 12));
     assert_eq!(analysis.rigid_motions.ncols(), 0);
     // The three base edges join supports: they stress nothing, and count each.
-    assert_eq!((analysis.self_stress.ncols(), analysis.mechanisms.ncols()), (4, 1));
+    assert_eq!(
+        (analysis.self_stress.ncols(), analysis.mechanisms.ncols()),
+        (4, 1)
+    );
     let super_stability = SuperStability::new(&held.structure, &configuration).unwrap();
     assert_eq!(super_stability.required_nullity, 1);
     assert!(super_stability.is_super_stable(), "{super_stability:?}");
-    let stability = StiffnessSpectrum::new(&held.structure, &configuration, Actuation::Length).unwrap();
+    let stability =
+        StiffnessSpectrum::new(&held.structure, &configuration, Actuation::Length).unwrap();
     assert_eq!(stability.eigenvalues.len(), 9);
     assert!(stability.is_stable());
     let motion = &stability.softest;
-    assert!(held.structure.nodes.iter().zip(motion).all(|(node, v)| node.balanced || v.norm() == 0.0));
+    assert!(
+        held.structure
+            .nodes
+            .iter()
+            .zip(motion)
+            .all(|(node, v)| node.balanced || v.norm() == 0.0)
+    );
 }
 
 #[test]
@@ -396,20 +441,37 @@ fn compression_beyond_buckling_is_unstable() {
     let prestress =
         PrestressStability::new(&case.structure, &configuration, &matrix, &analysis).unwrap();
     assert_eq!(prestress.unstable_mechanisms(), 1);
-    assert!(!SuperStability::new(&case.structure, &configuration).unwrap().is_super_stable());
+    assert!(
+        !SuperStability::new(&case.structure, &configuration)
+            .unwrap()
+            .is_super_stable()
+    );
 }
 
 #[test]
 fn structures_on_a_conic_are_not_super_stable() {
-    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let points = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [0.0, 1.0, 0.0],
+    ];
     let sides = vec![[0, 1], [1, 2], [2, 3], [3, 0]];
     let case = case(2, &points, &[vec![[0, 2], [1, 3]], sides], &[]);
     let mut configuration = case.prestressed(-1.0);
-    assert!(!SuperStability::new(&case.structure, &configuration).unwrap().on_conic);
+    assert!(
+        !SuperStability::new(&case.structure, &configuration)
+            .unwrap()
+            .on_conic
+    );
     // Without stress in the diagonals two directions are left, and the square shears.
     configuration.forces[0] = Some(0.0);
     configuration.forces[1] = Some(0.0);
-    assert!(SuperStability::new(&case.structure, &configuration).unwrap().on_conic);
+    assert!(
+        SuperStability::new(&case.structure, &configuration)
+            .unwrap()
+            .on_conic
+    );
 }
 
 #[test]

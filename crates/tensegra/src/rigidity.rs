@@ -5,7 +5,7 @@ use tensegra_formfinding::{Loss, losses};
 use tensegra_model::{
     Actuation, Configuration, Structure,
     statics::{
-        EquilibriumMatrix, MatrixAnalysis, PrestressStability, StiffnessSpectrum, StaticsError,
+        EquilibriumMatrix, MatrixAnalysis, PrestressStability, StaticsError, StiffnessSpectrum,
         SuperStability, admissible_motions, force_densities, geometric_stiffness, lumped_masses,
         material_stiffness, natural_frequencies,
     },
@@ -83,7 +83,8 @@ impl Rigidity {
             .mechanisms
             .column_iter()
             .map(|motion| matrix.freedoms().displacements(motion.as_slice()));
-        let length_controlled = StiffnessSpectrum::new(structure, configuration, Actuation::Length)?;
+        let length_controlled =
+            StiffnessSpectrum::new(structure, configuration, Actuation::Length)?;
         let own_masses = match masses {
             Some(masses) => Some(masses.to_vec()),
             None => lumped_masses(structure),
@@ -201,13 +202,19 @@ impl Rigidity {
                 movers(structure, &stability.softest)
             )
         };
-        if !structure.elements.iter().any(|element| element.is_actuated()) {
+        if !structure
+            .elements
+            .iter()
+            .any(|element| element.is_actuated())
+        {
             return format!("{held}.");
         }
         let forced = &self.force_controlled;
         let forced_least = forced.least().unwrap_or(0.0);
         if forced.is_stable() {
-            format!("{held}; stable too while they hold forces (least stiffness {forced_least:.4}).")
+            format!(
+                "{held}; stable too while they hold forces (least stiffness {forced_least:.4})."
+            )
         } else {
             format!(
                 "{held}. While they hold forces {} without resistance: motors have to hold lengths.",
@@ -257,7 +264,9 @@ impl Rigidity {
         let of = critical.len() + dispensable.len();
         if of > 0 {
             words.push(match (critical.len(), dispensable.len()) {
-                (0, _) => "It stays stable, in another shape, without any one of its elements.".into(),
+                (0, _) => {
+                    "It stays stable, in another shape, without any one of its elements.".into()
+                }
                 (_, 0) => "It collapses without any one of its elements: a cable gone slack is \
                            enough."
                     .into(),
@@ -274,7 +283,11 @@ impl Rigidity {
 
     fn frequencies_in_words(&self) -> Option<String> {
         let frequencies = self.frequencies.as_ref()?;
-        let first: Vec<String> = frequencies.iter().take(6).map(|f| format!("{f:.4}")).collect();
+        let first: Vec<String> = frequencies
+            .iter()
+            .take(6)
+            .map(|f| format!("{f:.4}"))
+            .collect();
         let more = if frequencies.len() > 6 { ", …" } else { "" };
         (!first.is_empty()).then(|| {
             format!(
@@ -292,7 +305,9 @@ fn count(n: usize, one: &str, many: &str) -> String {
 
 /// Names of elements in a list.
 fn names(structure: &Structure, elements: &[usize]) -> String {
-    let names = elements.iter().map(|&e| structure.elements[e].name.as_str());
+    let names = elements
+        .iter()
+        .map(|&e| structure.elements[e].name.as_str());
     names.collect::<Vec<_>>().join(", ")
 }
 

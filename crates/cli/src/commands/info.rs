@@ -52,8 +52,8 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
         if let Some(formulation) = arguments.formulation {
             problem.settings.formulation = formulation.into();
         }
-        let description = tensegra::describe(&problem, arguments.node_mass)
-            .map_err(Failure::message)?;
+        let description =
+            tensegra::describe(&problem, arguments.node_mass).map_err(Failure::message)?;
         let problems = tensegra::find_flaws(&problem);
         Ok((problem, description, problems))
     };
@@ -93,7 +93,9 @@ fn as_json(problem: &Problem, d: &Description, flaws: &[String]) -> Value {
 
 fn statics_json(structure: &Structure, r: &Rigidity) -> Value {
     let names = |elements: Vec<usize>| -> Vec<&str> {
-        let names = elements.iter().map(|&e| structure.elements[e].name.as_str());
+        let names = elements
+            .iter()
+            .map(|&e| structure.elements[e].name.as_str());
         names.collect()
     };
     let by_element = |densities: &[f64]| -> Value {

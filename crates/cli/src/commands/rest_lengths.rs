@@ -107,7 +107,11 @@ pub fn run(
             return Ok(false);
         }
     };
-    let mode = if arguments.direct { "direct" } else { "inverse" };
+    let mode = if arguments.direct {
+        "direct"
+    } else {
+        "inverse"
+    };
     let report = check_configuration(problem, &found.configuration, &CheckOptions::default());
     let file = out.join(format!("{mode}.json"));
     let mut contents = PathFile::new(
@@ -138,7 +142,9 @@ fn set_rest_length(
     length: f64,
 ) -> Result<(), Failure> {
     let element = structure.element_index(name).ok_or_else(|| {
-        Failure::Message(format!("--rest: there is no element `{name}` in the structure"))
+        Failure::Message(format!(
+            "--rest: there is no element `{name}` in the structure"
+        ))
     })?;
     if !structure.elements[element].is_actuated() {
         return Err(Failure::Message(format!(
@@ -166,8 +172,14 @@ fn direct(structure: &Structure, form: DirectForm) -> Found {
     };
     Found {
         lines: vec![
-            format!("equilibrium        found in {} Newton iterations", form.iterations),
-            format!("residual           {:.1e}, the largest unbalanced force", form.residual),
+            format!(
+                "equilibrium        found in {} Newton iterations",
+                form.iterations
+            ),
+            format!(
+                "residual           {:.1e}, the largest unbalanced force",
+                form.residual
+            ),
             format!("stability          {stability} (motors hold rest lengths)"),
             format!("slack              {slack_line}"),
             format!("energy             {:.6}", form.energy),
@@ -191,11 +203,21 @@ fn direct(structure: &Structure, form: DirectForm) -> Found {
 fn inverse(problem: &Problem, form: InverseForm) -> Found {
     let structure = &problem.structure;
     let mut lines = vec![
-        format!("choices            {} dimensions of balanced forces", form.choices),
-        format!("residual           {:.1e}, the largest unbalanced force", form.residual),
+        format!(
+            "choices            {} dimensions of balanced forces",
+            form.choices
+        ),
+        format!(
+            "residual           {:.1e}, the largest unbalanced force",
+            form.residual
+        ),
         "element            rest length          force".to_owned(),
     ];
-    let quantities = form.configuration.rest_lengths.iter().zip(&form.configuration.forces);
+    let quantities = form
+        .configuration
+        .rest_lengths
+        .iter()
+        .zip(&form.configuration.forces);
     for (element, (rest, force)) in structure.elements.iter().zip(quantities) {
         let figure = |value: &Option<f64>| value.map_or("–".to_owned(), |v| format!("{v:.9}"));
         lines.push(format!(
@@ -223,7 +245,10 @@ fn verdict(report: &Report) -> String {
     if report.ok {
         return "accepted by the independent judge".to_owned();
     }
-    let failures = report.failures.iter().map(|failure| failure.message.as_str());
+    let failures = report
+        .failures
+        .iter()
+        .map(|failure| failure.message.as_str());
     format!("refused: {}", failures.collect::<Vec<_>>().join("; "))
 }
 

@@ -68,7 +68,9 @@ impl Energy {
                 }),
                 ForceLaw::Free => {
                     inextensible.push(element);
-                    let moves = nodes.iter().any(|&node| index[node].iter().any(|&i| i != HELD));
+                    let moves = nodes
+                        .iter()
+                        .any(|&node| index[node].iter().any(|&i| i != HELD));
                     if moves {
                         rigid.push(Rigid {
                             element,
@@ -133,7 +135,10 @@ impl Energy {
             .flat_map(|e| e.nodes)
             .chain(self.rigid.iter().flat_map(|r| r.nodes));
         let (lo, hi) = nodes.fold(
-            (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)),
+            (
+                Vector3::repeat(f64::INFINITY),
+                Vector3::repeat(f64::NEG_INFINITY),
+            ),
             |(lo, hi), node| {
                 let at = self.positions[node].coords;
                 (lo.inf(&at), hi.sup(&at))
@@ -142,7 +147,11 @@ impl Energy {
         let longest = self.elastic.iter().map(|e| e.rest).fold(0.0, f64::max);
         let constant = self.rigid.iter().map(|r| r.length).fold(0.0, f64::max);
         let size = (hi - lo).norm().max(longest).max(constant);
-        if size.is_finite() && size > 0.0 { size } else { 1.0 }
+        if size.is_finite() && size > 0.0 {
+            size
+        } else {
+            1.0
+        }
     }
 
     /// The largest product of a stiffness and a length: what forces are rounded
@@ -231,7 +240,13 @@ impl Energy {
             let [a, b] = r.nodes;
             let vector = self.positions[b] - self.positions[a];
             let density = force / vector.norm();
-            self.add(hessian, r.nodes, vector, -density / vector.norm_squared(), density);
+            self.add(
+                hessian,
+                r.nodes,
+                vector,
+                -density / vector.norm_squared(),
+                density,
+            );
         }
     }
 

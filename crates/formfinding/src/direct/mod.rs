@@ -131,7 +131,9 @@ pub enum DirectError {
         value: f64,
     },
     /// An element of constant length that starts without one.
-    #[error("`{element}` starts without length: its nodes are at one point, so it has no direction")]
+    #[error(
+        "`{element}` starts without length: its nodes are at one point, so it has no direction"
+    )]
     NoLength {
         /// The element.
         element: String,
@@ -334,7 +336,9 @@ impl<'a> DirectSolver<'a> {
             };
             let planar = self.structure.dimension == 2;
             let back = alignment(&loaded(&positions), &loaded(&start), planar);
-            positions.iter_mut().for_each(|point| *point = back * *point);
+            positions
+                .iter_mut()
+                .for_each(|point| *point = back * *point);
         }
         self.follow(&start, &mut positions);
         let configuration = energy.configuration(structure, positions);

@@ -254,7 +254,10 @@ impl Newton {
     pub(super) fn escape(&mut self, energy: &mut Energy, neutral: &DMatrix<f64>) {
         let (projected, _) = self.projected_hessian(energy, neutral);
         let eigen = projected.symmetric_eigen();
-        let direction = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+        let direction = eigen
+            .eigenvectors
+            .column(eigen.eigenvalues.imin())
+            .into_owned();
         energy.read(&mut self.x);
         let far = ESCAPE * energy.size() / direction.amax();
         energy.write(&self.x, &direction, far);
@@ -299,7 +302,11 @@ fn pseudo_inverse(matrix: DMatrix<f64>) -> (DMatrix<f64>, usize) {
     let largest = eigen.eigenvalues.amax();
     let mut inverse = DMatrix::zeros(n, n);
     let mut rank = 0;
-    for (vector, &value) in eigen.eigenvectors.column_iter().zip(eigen.eigenvalues.iter()) {
+    for (vector, &value) in eigen
+        .eigenvectors
+        .column_iter()
+        .zip(eigen.eigenvalues.iter())
+    {
         if value > DEPENDENT * largest {
             inverse.ger(1.0 / value, &vector, &vector, 1.0);
             rank += 1;

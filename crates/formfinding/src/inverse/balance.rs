@@ -132,7 +132,11 @@ impl Balance {
 
     /// Refuses known forces outside of their ranges.
     fn check_known(&self, structure: &Structure, tolerance: f64) -> Result<(), InverseError> {
-        let scale = self.known.iter().flatten().fold(0.0_f64, |l, f| l.max(f.abs()));
+        let scale = self
+            .known
+            .iter()
+            .flatten()
+            .fold(0.0_f64, |l, f| l.max(f.abs()));
         for (element, force) in structure.elements.iter().zip(&self.known) {
             let violation = force.map_or(0.0, |force| -element.force.margin(force));
             if violation > tolerance * scale {
@@ -149,9 +153,7 @@ impl Balance {
     /// The unknown forces nearest to the target that keep their ranges and have the
     /// pretension, where there is one.
     pub(super) fn solve(&self, structure: &Structure) -> Result<DVector<f64>, InverseError> {
-        let first = self
-            .nearest(None)
-            .ok_or_else(|| self.explain(structure))?;
+        let first = self.nearest(None).ok_or_else(|| self.explain(structure))?;
         let Some(pretension) = structure.pretension else {
             return Ok(self.forces(&first));
         };
@@ -174,9 +176,9 @@ impl Balance {
         let mut c = first;
         for _ in 0..MAX_PROGRAMMES {
             // The tangent plane of the sphere, at the point below c.
-            let normal = c.try_normalize(0.0).unwrap_or_else(|| {
-                DVector::from_fn(c.len(), |i, _| f64::from(u8::from(i == 0)))
-            });
+            let normal = c
+                .try_normalize(0.0)
+                .unwrap_or_else(|| DVector::from_fn(c.len(), |i, _| f64::from(u8::from(i == 0))));
             let reached = (given + c.norm_squared()).sqrt();
             c = self
                 .nearest(Some((&normal, radius)))
@@ -259,10 +261,13 @@ impl Balance {
             .max_by(|&a, &b| violations[a].total_cmp(&violations[b]))
             .unwrap_or(0);
         // Those that hold the violation up.
-        let active = solver.active_set().iter().filter_map(|active| match active.constraint {
-            QpConstraint::Row(row) => owners.get(row).copied(),
-            QpConstraint::Bound(_) => None,
-        });
+        let active = solver
+            .active_set()
+            .iter()
+            .filter_map(|active| match active.constraint {
+                QpConstraint::Row(row) => owners.get(row).copied(),
+                QpConstraint::Bound(_) => None,
+            });
         let mut elements: Vec<usize> = active.map(|i| self.unknown[i]).collect();
         elements.push(self.unknown[worst]);
         elements.sort_unstable();
@@ -336,7 +341,8 @@ impl Equations<'_> {
                 } => {
                     // r = l − t / k: t/k − s t'/k' = l − s l'.
                     for &(follower, scale) in followers {
-                        let both = [*reference, follower].map(|e| structure.elements[e].stiffness());
+                        let both =
+                            [*reference, follower].map(|e| structure.elements[e].stiffness());
                         let [Some(k), Some(other)] = both else {
                             continue;
                         };
@@ -411,9 +417,20 @@ impl Equations<'_> {
         tolerance: f64,
     ) -> Result<(), InverseError> {
         let structure = self.structure;
-        let load = structure.nodes.iter().fold(0.0_f64, |l, node| l.max(node.load.norm()));
-        let known = self.known.iter().flatten().fold(0.0_f64, |l, f| l.max(f.abs()));
-        let scale = if particular.is_empty() { 0.0 } else { particular.amax() };
+        let load = structure
+            .nodes
+            .iter()
+            .fold(0.0_f64, |l, node| l.max(node.load.norm()));
+        let known = self
+            .known
+            .iter()
+            .flatten()
+            .fold(0.0_f64, |l, f| l.max(f.abs()));
+        let scale = if particular.is_empty() {
+            0.0
+        } else {
+            particular.amax()
+        };
         let allowed = tolerance * scale.max(load).max(known);
         let left_over = |(row, right): &(Vec<f64>, f64)| {
             let sum: f64 = row.iter().zip(particular.iter()).map(|(a, t)| a * t).sum();
@@ -421,7 +438,10 @@ impl Equations<'_> {
         };
         let balance = matrix.freedoms().len();
         let mut forces = vec![0.0_f64; structure.nodes.len()];
-        for (row, &[node, _]) in self.rows[..balance].iter().zip(matrix.freedoms().coordinates()) {
+        for (row, &[node, _]) in self.rows[..balance]
+            .iter()
+            .zip(matrix.freedoms().coordinates())
+        {
             forces[node] += left_over(row).powi(2);
         }
         let worst = (0..forces.len()).max_by(|&a, &b| forces[a].total_cmp(&forces[b]));
@@ -475,7 +495,11 @@ fn known_force(element: &Element, length: f64) -> Option<f64> {
     match element.law {
         ForceLaw::Linear { stiffness, rest } if rest.is_constant() => {
             let force = stiffness * (length - rest.lo);
-            Some(if element.pulls_only() { force.max(0.0) } else { force })
+            Some(if element.pulls_only() {
+                force.max(0.0)
+            } else {
+                force
+            })
         }
         _ => None,
     }

@@ -144,7 +144,11 @@ fn describe_conflict(elements: &[String], worst: &str, violation: f64) -> String
         "no prestress keeps {} within {} of force and rest length at once; at best `{worst}` misses \
          by a force of {violation:.3e}",
         names.join(", "),
-        if names.len() == 1 { "its range" } else { "their ranges" },
+        if names.len() == 1 {
+            "its range"
+        } else {
+            "their ranges"
+        },
     )
 }
 

@@ -97,7 +97,9 @@ impl MatrixAnalysis {
         // What forces can balance, and rigid motions; these are orthogonal, but
         // for rounding.
         let mut others = DMatrix::zeros(n, rank + rigid_motions.ncols());
-        others.columns_mut(0, rank).copy_from(&left.columns(0, rank));
+        others
+            .columns_mut(0, rank)
+            .copy_from(&left.columns(0, rank));
         others
             .columns_mut(rank, rigid_motions.ncols())
             .copy_from(&rigid_motions);
@@ -119,7 +121,10 @@ impl MatrixAnalysis {
             let value = index.and_then(|i| self.singular_values.get(i));
             value.map_or(0.0, |value| value / largest)
         };
-        (relative(self.rank.checked_sub(1)), relative(Some(self.rank)))
+        (
+            relative(self.rank.checked_sub(1)),
+            relative(Some(self.rank)),
+        )
     }
 }
 
@@ -132,6 +137,10 @@ fn decompose(matrix: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>, DMatrix<f64>) {
     order.sort_by(|&i, &j| values[j].total_cmp(&values[i]));
     // Both are there because they were asked for.
     let left = svd.u.unwrap_or_default().select_columns(&order);
-    let right = svd.v_t.unwrap_or_default().transpose().select_columns(&order);
+    let right = svd
+        .v_t
+        .unwrap_or_default()
+        .transpose()
+        .select_columns(&order);
     (left, order.iter().map(|&i| values[i]).collect(), right)
 }

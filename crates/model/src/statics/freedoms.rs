@@ -38,7 +38,11 @@ impl Freedoms {
         }
         let mut coordinates = Vec::new();
         let mut index = vec![[None; 3]; structure.nodes.len()];
-        for (node, axes) in index.iter_mut().enumerate().filter(|(node, _)| loaded[*node]) {
+        for (node, axes) in index
+            .iter_mut()
+            .enumerate()
+            .filter(|(node, _)| loaded[*node])
+        {
             for (axis, number) in axes.iter_mut().enumerate().take(structure.dimension) {
                 if is_free(node, axis) {
                     *number = Some(coordinates.len());
@@ -123,7 +127,11 @@ impl Freedoms {
     ///
     /// # Panics
     /// If there is not one position for each node.
-    pub fn neutral_motions(&self, structure: &Structure, positions: &[Point3<f64>]) -> DMatrix<f64> {
+    pub fn neutral_motions(
+        &self,
+        structure: &Structure,
+        positions: &[Point3<f64>],
+    ) -> DMatrix<f64> {
         let strongest = structure
             .nodes
             .iter()
@@ -176,7 +184,9 @@ impl Freedoms {
             }
         }
         if self.dimension == 2 {
-            [2, 3, 4].into_iter().for_each(|mode| form[(mode, mode)] += 1.0);
+            [2, 3, 4]
+                .into_iter()
+                .for_each(|mode| form[(mode, mode)] += 1.0);
         }
         // The form of the rotation, by polarisation.
         let unit = |mode: usize| Vector3::ith(mode, 1.0);
@@ -215,7 +225,10 @@ mod tests {
             builder = builder.support(node);
         }
         let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.8, 0.0]];
-        (builder.build().unwrap(), positions.map(Point3::from).to_vec())
+        (
+            builder.build().unwrap(),
+            positions.map(Point3::from).to_vec(),
+        )
     }
 
     #[test]

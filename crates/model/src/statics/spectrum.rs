@@ -117,7 +117,9 @@ impl PrestressStability {
 }
 
 fn count_soft(ascending: &[f64]) -> usize {
-    let largest = ascending.iter().fold(0.0_f64, |l, value| l.max(value.abs()));
+    let largest = ascending
+        .iter()
+        .fold(0.0_f64, |l, value| l.max(value.abs()));
     let soft = |value: &&f64| !(**value > NO_STIFFNESS * largest);
     ascending.iter().take_while(soft).count()
 }
@@ -151,7 +153,10 @@ pub(super) fn motions_without(
         .collect();
     let mut constrain = |terms: &[([usize; 2], Vector3<f64>)]| {
         // Nodes that no force reaches follow the others.
-        if terms.iter().any(|(nodes, _)| !nodes.iter().all(|&node| freedoms.is_loaded(node))) {
+        if terms
+            .iter()
+            .any(|(nodes, _)| !nodes.iter().all(|&node| freedoms.is_loaded(node)))
+        {
             return;
         }
         let mut row = vec![0.0; freedoms.len()];
@@ -195,7 +200,10 @@ pub(super) fn motions_without(
         for (follower, rotation) in followers {
             for axis in 0..structure.dimension {
                 let along = Vector3::ith(axis, 1.0);
-                let terms = (rate(*reference, along), rate(*follower, -(rotation.inverse() * along)));
+                let terms = (
+                    rate(*reference, along),
+                    rate(*follower, -(rotation.inverse() * along)),
+                );
                 if let (Some(first), Some(second)) = terms {
                     constrain(&[first, second]);
                 }

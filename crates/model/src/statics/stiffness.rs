@@ -26,12 +26,19 @@ pub fn material_stiffness(
     let mut matrix = DMatrix::zeros(freedoms.len(), freedoms.len());
     for (e, element) in structure.elements.iter().enumerate() {
         let held = actuation == Actuation::Force && element.is_actuated();
-        let (false, Some(stiffness)) = (held || is_slack(structure, configuration, e), element.stiffness())
-        else {
+        let (false, Some(stiffness)) = (
+            held || is_slack(structure, configuration, e),
+            element.stiffness(),
+        ) else {
             continue;
         };
         let u = direction(structure, &configuration.positions, e)?;
-        add(&mut matrix, freedoms, element.nodes, &(u * u.transpose() * stiffness));
+        add(
+            &mut matrix,
+            freedoms,
+            element.nodes,
+            &(u * u.transpose() * stiffness),
+        );
     }
     Ok(matrix)
 }

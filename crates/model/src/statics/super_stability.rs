@@ -4,8 +4,7 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::{
-    Freedoms, StaticsError, basis::span, force_densities, force_density_matrix,
-    spectrum::ascending,
+    Freedoms, StaticsError, basis::span, force_densities, force_density_matrix, spectrum::ascending,
 };
 use crate::{configuration::Configuration, structure::Structure};
 
@@ -40,10 +39,7 @@ impl SuperStability {
     ///
     /// # Errors
     /// [`StaticsError`] when positions are bad.
-    pub fn new(
-        structure: &Structure,
-        configuration: &Configuration,
-    ) -> Result<Self, StaticsError> {
+    pub fn new(structure: &Structure, configuration: &Configuration) -> Result<Self, StaticsError> {
         let positions = &configuration.positions;
         super::equilibrium::check_positions(structure, positions)?;
         let densities = force_densities(configuration);
@@ -54,7 +50,9 @@ impl SuperStability {
         let whole = force_density_matrix(structure, &densities);
         let matrix = DMatrix::from_fn(free.len(), free.len(), |i, j| whole[(free[i], free[j])]);
         let (eigenvalues, _) = ascending(matrix);
-        let largest = eigenvalues.iter().fold(0.0_f64, |l, value| l.max(value.abs()));
+        let largest = eigenvalues
+            .iter()
+            .fold(0.0_f64, |l, value| l.max(value.abs()));
         let zero = |value: &&f64| value.abs() <= ZERO * largest;
         let nullity = eigenvalues.iter().filter(zero).count();
 
@@ -117,8 +115,6 @@ impl SuperStability {
 
     /// Whether all three conditions hold.
     pub fn is_super_stable(&self) -> bool {
-        self.is_positive_semidefinite()
-            && self.nullity == self.required_nullity
-            && !self.on_conic
+        self.is_positive_semidefinite() && self.nullity == self.required_nullity && !self.on_conic
     }
 }

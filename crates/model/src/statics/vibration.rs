@@ -21,7 +21,10 @@ pub fn lumped_masses(structure: &Structure) -> Option<Vec<f64>> {
             .find(|(keyword, _)| keyword == "mass")
             .and_then(|(_, values)| values.first());
         if let Some(mass) = mass {
-            element.nodes.iter().for_each(|&node| masses[node] += mass / 2.0);
+            element
+                .nodes
+                .iter()
+                .for_each(|&node| masses[node] += mass / 2.0);
         }
     }
     masses.iter().any(|mass| *mass > 0.0).then_some(masses)

@@ -71,9 +71,17 @@ pub fn measure(arguments: &BenchArguments, figures: &mut Figures) -> Result<(), 
         row(CASE, "CPU time of a pose", "s", count, &seconds),
         row(CASE, "Newton iterations", "1", count, &iterations),
         row(CASE, "unbalanced force", "N", count, &residuals),
-        row(CASE, "distance from the published pose", "m", count, &distances),
+        row(
+            CASE,
+            "distance from the published pose",
+            "m",
+            count,
+            &distances,
+        ),
     ]);
-    figures.seconds.push(("six-bar, one pose".to_owned(), seconds));
+    figures
+        .seconds
+        .push(("six-bar, one pose".to_owned(), seconds));
     Ok(())
 }
 
@@ -94,8 +102,14 @@ fn judge(structure: &Structure, form: &DirectForm, pose: &Pose) -> Result<f64, S
     let found = &form.configuration.positions;
     let motion = alignment(found, &published, structure.dimension == 2);
     let pairs = found.iter().zip(&published);
-    let distance = pairs.map(|(a, b)| (motion * a - b).norm()).fold(0.0, f64::max);
-    match (form.is_stable(), form.residual <= RESIDUAL, distance <= DISTANCE) {
+    let distance = pairs
+        .map(|(a, b)| (motion * a - b).norm())
+        .fold(0.0, f64::max);
+    match (
+        form.is_stable(),
+        form.residual <= RESIDUAL,
+        distance <= DISTANCE,
+    ) {
         (true, true, true) => Ok(distance),
         (false, ..) => Err("the equilibrium is not stable".to_owned()),
         (_, false, _) => Err(format!("{:.1e} N is unbalanced", form.residual)),
