@@ -20,6 +20,7 @@ mod free_space;
 mod problem;
 mod problem_file;
 mod stability;
+pub mod statics;
 mod structure;
 mod tens;
 mod validate;

@@ -170,6 +170,11 @@ impl Element {
         }
     }
 
+    /// Whether the element can only pull: it is slack where it would have to push.
+    pub fn pulls_only(&self) -> bool {
+        matches!(self.kind, ElementKind::Cable | ElementKind::Spring)
+    }
+
     /// Whether a motor can move the element: its rest length has a range.
     pub fn is_actuated(&self) -> bool {
         self.rest().is_some_and(|rest| !rest.is_constant())

@@ -1,15 +1,14 @@
 //! A structure in figures: sizes of its equations, dimension of its manifold,
-//! states of self-stress and mechanisms.
+//! statics.
 
-use nalgebra::DMatrix;
 use tensegra_model::{
-    Configuration, DirectionsManifold, ElementKind, EquilibriumManifold, Formulation,
-    NodesManifold, Problem, Structure,
+    DirectionsManifold, ElementKind, EquilibriumManifold, Formulation, NodesManifold, Problem,
 };
 
 use crate::{
     endpoint::{EndpointError, complete, refine},
     planning::PlanningError,
+    rigidity::Rigidity,
 };
 
 /// What there is to say about a problem's structure at its start.
@@ -34,18 +33,17 @@ pub struct Description {
     pub independent: usize,
     /// Dimension k of the equilibrium manifold at the start.
     pub dimension: usize,
-    /// Independent states of self-stress of the elements that carry a force.
-    pub self_stress_states: usize,
-    /// Infinitesimal mechanisms of those elements taken as rigid.
-    pub mechanisms: usize,
+    /// Statics at the start.
+    pub rigidity: Rigidity,
 }
 
-/// Describes a problem's structure in its formulation.
+/// Describes a problem's structure in its formulation, with one mass at every node
+/// where given, else with the masses that the elements state.
 ///
 /// # Errors
 /// [`PlanningError`] when the structure is contradictory or the start cannot be
 /// put in equilibrium.
-pub fn describe(problem: &Problem) -> Result<Description, PlanningError> {
+pub fn describe(problem: &Problem, node_mass: Option<f64>) -> Result<Description, PlanningError> {
     let found = crate::find_endpoints(problem)?;
     let problem = found.as_ref();
     let structure = &problem.structure;
@@ -75,7 +73,8 @@ pub fn describe(problem: &Problem) -> Result<Description, PlanningError> {
         };
     let x = refine(manifold.as_ref(), "start", &start, size)?;
     let dimension = tensegra_atlas::dimension(manifold.as_ref(), &x);
-    let (self_stress_states, mechanisms) = statics_counts(structure, &manifold.configuration(&x));
+    let masses = node_mass.map(|mass| vec![mass; structure.nodes.len()]);
+    let rigidity = Rigidity::new(structure, &manifold.configuration(&x), masses.as_deref())?;
     let mut elements: Vec<(ElementKind, usize)> = Vec::new();
     for element in &structure.elements {
         match elements.iter_mut().find(|(kind, _)| *kind == element.kind) {
@@ -94,63 +93,8 @@ pub fn describe(problem: &Problem) -> Result<Description, PlanningError> {
         equations: manifold.equation_count(),
         independent: variables - dimension,
         dimension,
-        self_stress_states,
-        mechanisms,
+        rigidity,
     })
-}
-
-/// States of self-stress and mechanisms by the rank r of the equilibrium
-/// matrix: s = elements − r; m = degrees of freedom − rigid motions − r
-/// (Pellegrino and Calladine 1986). Supports that take reactions are held.
-fn statics_counts(structure: &Structure, at: &Configuration) -> (usize, usize) {
-    let d = structure.dimension;
-    let balanced: Vec<usize> = (0..structure.nodes.len())
-        .filter(|&i| structure.nodes[i].balanced)
-        .collect();
-    let carrying: Vec<usize> = (0..structure.elements.len())
-        .filter(|&e| structure.elements[e].carries_force())
-        .collect();
-    // Nodes that only decorate (no element with a force) do not count.
-    let touched: Vec<usize> = balanced
-        .into_iter()
-        .filter(|&i| {
-            carrying
-                .iter()
-                .any(|&e| structure.elements[e].nodes.contains(&i))
-        })
-        .collect();
-    if touched.is_empty() || carrying.is_empty() {
-        return (carrying.len(), 0);
-    }
-    let mut matrix = DMatrix::<f64>::zeros(d * touched.len(), carrying.len());
-    for (column, &e) in carrying.iter().enumerate() {
-        let [a, b] = structure.elements[e].nodes;
-        let direction = (at.positions[b] - at.positions[a]) / at.lengths[e];
-        for (node, sign) in [(a, 1.0), (b, -1.0)] {
-            if let Some(row) = touched.iter().position(|&i| i == node) {
-                for axis in 0..d {
-                    matrix[(d * row + axis, column)] = sign * direction[axis];
-                }
-            }
-        }
-    }
-    let singular = matrix.singular_values();
-    let rank = singular
-        .iter()
-        .filter(|&&s| s > 1e-8 * singular.max())
-        .count();
-    let supports = structure.nodes.iter().filter(|node| !node.balanced).count();
-    // Rigid motions that the supports leave.
-    let rigid = match (d, supports) {
-        (2, 0) => 3,
-        (2, 1) => 1,
-        (3, 0) => 6,
-        (3, 1) => 3,
-        (3, 2) => 1,
-        _ => 0,
-    };
-    let freedoms = d * touched.len();
-    (carrying.len() - rank, freedoms.saturating_sub(rigid + rank))
 }
 
 /// What would keep the problem from being planned: endpoints that are missing,

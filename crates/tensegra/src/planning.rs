@@ -64,6 +64,9 @@ pub enum PlanningError {
     /// A body has no valid shape.
     #[error(transparent)]
     Body(#[from] BodyError),
+    /// There is nothing to say about the statics.
+    #[error(transparent)]
+    Statics(#[from] tensegra_model::statics::StaticsError),
     /// Start or goal is refused.
     #[error(transparent)]
     Endpoint(#[from] EndpointError),

@@ -10,6 +10,8 @@ use tensegra::{
     model::Problem,
 };
 
+mod poses;
+
 use super::{BenchArguments, Results, RunFailure};
 use crate::{Error, root};
 
@@ -21,6 +23,11 @@ fifty for each seed. A single start is a success when it converges to residual 1
 equilibrium is stable and free of collisions, and the judge accepts it; with restarts, when one of \
 five in a row is. Time is CPU time of one start, on one thread, successful or not. Reference: \
 `paper`, the time that the authors report for one configuration, on a machine of its time.
+
+`six_bar`: direct form-finding, from the rest lengths of sixty published poses of a six-bar robot \
+(fixtures/formfinding/six_bar_poses.json) to node positions, each from the symmetric shape, on one \
+thread. A pose is a success when the equilibrium is stable, its largest unbalanced force is at most \
+1e-9 N, and nodes are within 2e-5 m of the published ones after alignment; seeds repeat the series.
 
 The other cases are the planning problems of suite `manifold` with start and goal found from a \
 description (fixtures/NAME-formfound.toml), then planned. A run is a success when both are found, a \
@@ -43,7 +50,7 @@ struct Figures {
 }
 
 pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
-    let mut names = vec!["starts".to_owned()];
+    let mut names = vec!["starts".to_owned(), poses::CASE.to_owned()];
     names.extend(FORMFOUND.map(str::to_owned));
     if let Some(unknown) = arguments.cases.iter().find(|name| !names.contains(name)) {
         let known = names.join(", ");
@@ -56,6 +63,7 @@ pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
         }
         match index {
             0 => starts(arguments, &mut figures)?,
+            1 => poses::measure(arguments, &mut figures)?,
             _ => endpoints(name, arguments, &mut figures)?,
         }
     }

@@ -10,7 +10,10 @@ use tensegra::{
     model::{self, Problem},
 };
 
-use super::{json_failure, print_json, read_problem, require_writable};
+use super::{
+    json_failure, print_json, read_problem, require_writable,
+    rest_lengths::{self, RestLengthArguments},
+};
 use crate::failure::Failure;
 
 /// Pixels to a CSS pixel in PNG pictures.
@@ -26,10 +29,16 @@ const LISTED: usize = 10;
 /// clearances. Many random starts are solved in parallel; each shape found is
 /// judged independently. Writes into the output folder: best.json (a path file
 /// with the best shape), and its picture as SVG and PNG.
+///
+/// With --direct or --inverse, node positions follow from rest lengths or rest
+/// lengths from node positions instead, and the result is direct.json or
+/// inverse.json.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     tensegra formfind fixtures/formfinding/prism.toml\n  \
-    tensegra formfind fixtures/formfinding/prism.toml --seed 7 --starts 1000 --json\n\n\
+    tensegra formfind fixtures/formfinding/prism.toml --seed 7 --starts 1000 --json\n  \
+    tensegra formfind fixtures/formfinding/six_bar.toml --direct --rest c1=0.2\n  \
+    tensegra formfind fixtures/formfinding/six_bar.toml --inverse\n\n\
     Exit status: 0 a shape was found and accepted by the judge, 1 not, 2 bad input.")]
 pub struct Arguments {
     /// Problem (.toml) or structure (.tens) file.
@@ -43,6 +52,8 @@ pub struct Arguments {
     /// Number of threads; the shapes do not depend on it [default: all processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..1024))]
     threads: Option<u64>,
+    #[command(flatten)]
+    rest_lengths: RestLengthArguments,
     /// Output folder [default: out/NAME].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -64,6 +75,10 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
     };
     let (problem, out) =
         read().map_err(|failure| json_failure(arguments.json, "found", failure))?;
+    if arguments.rest_lengths.direct || arguments.rest_lengths.inverse {
+        return rest_lengths::run(&arguments.rest_lengths, &problem, &out, arguments.json)
+            .map_err(|failure| json_failure(arguments.json, "found", failure));
+    }
     let mut options = FormOptions::default();
     options.seed = arguments.seed;
     // In range by their parsers.

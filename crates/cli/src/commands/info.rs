@@ -2,27 +2,47 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-use tensegra::Description;
+use serde_json::{Value, json};
+use tensegra::{
+    Description, Rigidity,
+    formfinding::Loss,
+    model::{Problem, Structure, statics::StiffnessSpectrum},
+};
 
 use super::{Formulation, formulation_name, json_failure, print_json, read_problem};
 use crate::failure::Failure;
 
 /// Say what a structure is: nodes, elements, equations, dimension of its
-/// equilibrium manifold, states of self-stress and mechanisms at the start.
+/// equilibrium manifold; and its statics at the start: states of self-stress,
+/// mechanisms, stability, what would make it collapse.
+///
+/// Stiffnesses are eigenvalues of the tangent stiffness, in force per length, on
+/// the motions that keep constant lengths. An element counts as lost when a cable
+/// goes slack or anything breaks, while motors hold all rest lengths.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Example:\n  tensegra info fixtures/kite.toml --formulation directions --json"
-)]
+#[command(after_help = "Examples:\n  \
+    tensegra info fixtures/kite.toml --formulation directions --json\n  \
+    tensegra info fixtures/formfinding/six_bar.toml --node-mass 1")]
 pub struct Arguments {
     /// Problem (.toml) or structure (.tens) file.
     file: PathBuf,
     /// Coordinates of the equilibrium manifold [default: the problem's].
     #[arg(long, value_enum)]
     formulation: Option<Formulation>,
+    /// Mass of every node, for natural frequencies [default: half the mass of each
+    /// element at either end, where elements state one].
+    #[arg(long, value_name = "M", value_parser = parse_mass)]
+    node_mass: Option<f64>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
+}
+
+fn parse_mass(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(mass) if mass.is_finite() && mass > 0.0 => Ok(mass),
+        _ => Err("give a positive number".to_owned()),
+    }
 }
 
 /// Runs the verb.
@@ -32,28 +52,29 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
         if let Some(formulation) = arguments.formulation {
             problem.settings.formulation = formulation.into();
         }
-        let description = tensegra::describe(&problem).map_err(Failure::message)?;
+        let description =
+            tensegra::describe(&problem, arguments.node_mass).map_err(Failure::message)?;
         let problems = tensegra::find_flaws(&problem);
         Ok((problem, description, problems))
     };
     let (problem, description, flaws) =
         describe().map_err(|failure| json_failure(arguments.json, "ok", failure))?;
     if arguments.json {
-        print_json(&as_json(&problem.name, &description, &flaws));
+        print_json(&as_json(&problem, &description, &flaws));
     } else {
-        print(&problem.name, &description, &flaws);
+        print(&problem, &description, &flaws);
     }
     Ok(true)
 }
 
-fn as_json(name: &str, d: &Description, flaws: &[String]) -> serde_json::Value {
+fn as_json(problem: &Problem, d: &Description, flaws: &[String]) -> Value {
     let elements: serde_json::Map<_, _> = d
         .elements
         .iter()
         .map(|(kind, n)| (kind.keyword().to_owned(), json!(n)))
         .collect();
     json!({
-        "name": name,
+        "name": problem.name,
         "nodes": d.nodes,
         "elements": elements,
         "formulation": formulation_name(d.formulation),
@@ -63,19 +84,105 @@ fn as_json(name: &str, d: &Description, flaws: &[String]) -> serde_json::Value {
         "equations": d.equations,
         "independent": d.independent,
         "dimension": d.dimension,
-        "self_stress_states": d.self_stress_states,
-        "mechanisms": d.mechanisms,
+        "self_stress_states": d.rigidity.self_stress.len(),
+        "mechanisms": d.rigidity.mechanisms.len(),
+        "statics": statics_json(&problem.structure, &d.rigidity),
         "problems": flaws,
     })
 }
 
-fn print(name: &str, d: &Description, flaws: &[String]) {
+fn statics_json(structure: &Structure, r: &Rigidity) -> Value {
+    let names = |elements: Vec<usize>| -> Vec<&str> {
+        let names = elements
+            .iter()
+            .map(|&e| structure.elements[e].name.as_str());
+        names.collect()
+    };
+    let by_element = |densities: &[f64]| -> Value {
+        let named = structure.elements.iter().zip(densities);
+        named
+            .map(|(element, density)| (element.name.clone(), json!(density)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    let by_node = |displacements: Vec<[f64; 3]>| -> Value {
+        let named = structure.nodes.iter().zip(displacements);
+        named
+            .map(|(node, v)| (node.name.clone(), json!(v)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    let stability = |stability: &StiffnessSpectrum| {
+        json!({
+            "stable": stability.is_stable(),
+            "least_stiffness": stability.least(),
+            "soft_motions": stability.soft_motions(),
+            "eigenvalues": stability.eigenvalues,
+            "softest_motion": by_node(stability.softest.iter().map(|&v| v.into()).collect()),
+        })
+    };
+    let losses: serde_json::Map<_, _> = structure
+        .elements
+        .iter()
+        .zip(&r.losses)
+        .filter_map(|(element, loss)| {
+            let loss = match (*loss)? {
+                Loss::Collapses => json!({ "holds": false }),
+                Loss::Holds {
+                    displacement,
+                    least_stiffness,
+                } => json!({
+                    "holds": true,
+                    "displacement": displacement,
+                    "least_stiffness": least_stiffness,
+                }),
+            };
+            Some((element.name.clone(), loss))
+        })
+        .collect();
+    let mechanisms = r.mechanisms.iter();
+    let mechanisms = mechanisms.map(|motion| by_node(motion.iter().map(|&v| v.into()).collect()));
+    let s = &r.super_stability;
+    json!({
+        "rank": r.rank,
+        "rank_gap": r.rank_gap,
+        "rigid_motions": r.rigid_motions,
+        "self_stress": r.self_stress.iter().map(|q| by_element(q)).collect::<Vec<_>>(),
+        "mechanisms": mechanisms.collect::<Vec<_>>(),
+        "force_densities": by_element(&r.force_densities),
+        "length_controlled": stability(&r.length_controlled),
+        "force_controlled": stability(&r.force_controlled),
+        "prestress": {
+            "stable": r.prestress.is_stable(),
+            "mechanism_stiffness": r.prestress.eigenvalues,
+        },
+        "super_stability": {
+            "super_stable": s.is_super_stable(),
+            "positive_semidefinite": s.is_positive_semidefinite(),
+            "nullity": s.nullity,
+            "required_nullity": s.required_nullity,
+            "on_conic": s.on_conic,
+            "force_density_eigenvalues": s.eigenvalues,
+        },
+        "buckling_factor": r.buckling_factor,
+        "natural_frequencies": r.frequencies,
+        "loosest": r.loosest.map(|(e, force)| {
+            json!({ "element": structure.elements[e].name, "force": force })
+        }),
+        "critical_elements": names(r.critical_elements()),
+        "dispensable_elements": names(r.dispensable_elements()),
+        "losses": losses,
+        "words": r.in_words(structure),
+    })
+}
+
+fn print(problem: &Problem, d: &Description, flaws: &[String]) {
     let elements: Vec<String> = d
         .elements
         .iter()
         .map(|(kind, n)| format!("{n} {}", plural(kind.keyword(), *n)))
         .collect();
-    println!("{name}");
+    println!("{}", problem.name);
     println!("  nodes                {}", d.nodes);
     println!("  elements             {}", elements.join(", "));
     println!("  formulation          {}", formulation_name(d.formulation));
@@ -92,10 +199,13 @@ fn print(name: &str, d: &Description, flaws: &[String]) {
         d.independent
     );
     println!("  dimension            k = {}", d.dimension);
-    println!("  self-stress states   {}", d.self_stress_states);
-    println!("  mechanisms           {}", d.mechanisms);
+    println!("  self-stress states   {}", d.rigidity.self_stress.len());
+    println!("  mechanisms           {}", d.rigidity.mechanisms.len());
     println!();
-    println!("{}", in_words(d));
+    println!("In equilibrium it moves with {}.", parameters(d.dimension));
+    for sentence in d.rigidity.in_words(&problem.structure) {
+        println!("{sentence}");
+    }
     if flaws.is_empty() {
         println!("No problems found.");
     }
@@ -112,22 +222,9 @@ fn plural(word: &str, n: usize) -> String {
     }
 }
 
-fn in_words(d: &Description) -> String {
-    let rigid = match d.mechanisms {
-        0 => "Held at constant length, its elements make it rigid".to_owned(),
-        1 => "Held at constant length, its elements leave 1 infinitesimal mechanism".to_owned(),
-        m => format!("Held at constant length, its elements leave {m} infinitesimal mechanisms"),
-    };
-    let stress = match d.self_stress_states {
-        0 => "it cannot be prestressed".to_owned(),
-        1 => "it can be prestressed in one way".to_owned(),
-        s => format!("it can be prestressed in {s} independent ways"),
-    };
-    let k = d.dimension;
-    let freedoms = if k == 1 {
-        "1 parameter".to_owned()
-    } else {
-        format!("{k} parameters")
-    };
-    format!("{rigid}; {stress}. In equilibrium it moves with {freedoms}.")
+fn parameters(dimension: usize) -> String {
+    match dimension {
+        1 => "1 parameter".to_owned(),
+        k => format!("{k} parameters"),
+    }
 }

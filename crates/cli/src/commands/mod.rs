@@ -4,6 +4,7 @@ pub mod check;
 pub mod formfind;
 pub mod info;
 pub mod plan;
+pub mod rest_lengths;
 pub mod walk;
 
 use std::path::{Path, PathBuf};
