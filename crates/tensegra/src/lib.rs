@@ -29,12 +29,14 @@ mod describe;
 mod endpoint;
 mod forms;
 mod planning;
+mod tracing;
 mod walking;
 
 pub use describe::{Description, describe, find_flaws};
 pub use endpoint::{EndpointError, complete, refine};
 pub use forms::{FormOptions, JudgedForms, find_endpoints, formfind};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
+pub use tracing::{Motion, Trace, TraceError, TraceSetup, TraceStep, TraceStop, Tracer, trace};
 pub use walking::{is_bad_input, plan_walk, read_walk_problem, simulate_walk};
 
 /// What most programs need.
