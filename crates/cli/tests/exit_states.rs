@@ -270,3 +270,48 @@ fn wrong_arguments_are_status_2() {
         assert!(!output.stderr.is_empty());
     }
 }
+
+#[test]
+fn tracing_says_whether_and_why_it_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let trace = |file: &str, arguments: &[&str]| {
+        let mut all = vec!["trace".to_owned(), fixture(file).display().to_string()];
+        all.extend(arguments.iter().map(ToString::to_string));
+        all.extend(["--json", "--out"].map(str::to_owned));
+        all.push(folder.path().display().to_string());
+        tensegra(&all)
+    };
+    // Reached: the path is written, and judged again from its file.
+    let moved = ["--element", "c1", "--quantity", "rest", "--to", "0.4"];
+    let output = trace("kite.toml", &moved);
+    assert_eq!(output.status.code(), Some(0));
+    let value = json(&output);
+    assert_eq!(value["stop"], "reached");
+    assert_eq!(value["check"]["ok"], true);
+    for file in [
+        "path.mcap",
+        "snapshots.svg",
+        "forces.png",
+        "rest_lengths.png",
+    ] {
+        assert!(folder.path().join(file).is_file(), "{file}");
+    }
+    let path = folder.path().join("path.json");
+    let again = tensegra(["check".as_ref(), path.as_os_str()]);
+    assert_eq!(again.status.code(), Some(0));
+    // Not reached: the reason is given, and the path as far as it goes.
+    let output = trace("arch.toml", &["--move", "s1:rest=1"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(json(&output)["stop"], "fold");
+    // Bad input.
+    for arguments in [
+        &["--element", "c9", "--quantity", "rest", "--to", "1"][..],
+        &["--element", "s1", "--quantity", "rest", "--to", "1"],
+        &["--element", "c1", "--to", "1"],
+        &["--move", "c1:colour=1"],
+        &[],
+    ] {
+        let output = trace("kite.toml", arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
+}

@@ -17,8 +17,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use tensegra_model::{
-    Configuration, ElementKind, Formulation, Path, PlannerKind, PlannerSettings, Problem,
-    ReadErrors, SamplingRadius, SourceFile, Structure,
+    Actuation, Configuration, ElementKind, Formulation, Path, PlannerKind, PlannerSettings,
+    Problem, ReadErrors, SamplingRadius, SourceFile, Structure,
 };
 
 use crate::{
@@ -47,6 +47,9 @@ pub struct PathFile {
     pub elements: Vec<ElementRecord>,
     /// The configurations from start to goal.
     pub path: Path,
+    /// Whether the motion ends where it does, not at the problem's goal: one
+    /// that was traced, not planned.
+    pub open_end: bool,
     /// Statistics of planning by name, among them `planning_seconds`.
     pub statistics: Value,
     /// Verdict of the checker; null where it has not been run.
@@ -231,6 +234,7 @@ impl PathFile {
             nodes: node_names(structure),
             elements: element_records(structure),
             path,
+            open_end: false,
             statistics: Value::Null,
             check: Value::Null,
         }
@@ -444,6 +448,7 @@ pub fn read_path_file(file: &FilePath) -> Result<PathFile, ReadError> {
         path: Path {
             configurations: record.configurations,
         },
+        open_end: record.open_end,
         statistics: record.statistics,
         check: record.check,
     })
@@ -483,6 +488,8 @@ struct Record {
     elements: Vec<ElementRecord>,
     #[serde(deserialize_with = "read_configurations")]
     configurations: Vec<Configuration>,
+    #[serde(default)]
+    open_end: bool,
     #[serde(default)]
     statistics: Value,
     #[serde(default)]
@@ -543,6 +550,8 @@ struct View<'a> {
     parameters: &'a Value,
     nodes: &'a [String],
     elements: &'a [ElementRecord],
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    open_end: bool,
     configurations: Vec<ConfigurationView<'a>>,
     statistics: &'a Value,
     check: &'a Value,
@@ -587,6 +596,7 @@ fn encode(contents: &PathFile, problem: &ProblemReference) -> Result<Vec<u8>, Pa
         parameters: &contents.parameters,
         nodes: &contents.nodes,
         elements: &contents.elements,
+        open_end: contents.open_end,
         configurations: contents
             .path
             .configurations
@@ -657,6 +667,11 @@ fn parameters(settings: &PlannerSettings) -> Value {
         "max_charts": settings.max_charts,
         "max_nodes": settings.max_nodes,
         "time_limit": settings.time_limit,
+        "actuation": match settings.actuation {
+            Actuation::Length => "length",
+            Actuation::Force => "force",
+        },
+        "least_stiffness": settings.least_stiffness,
     })
 }
 

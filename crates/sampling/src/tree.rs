@@ -10,6 +10,8 @@ struct Group {
     center: Vec<f64>,
     radius: f64,
     members: Vec<u32>,
+    /// Their points, one after the other.
+    points: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
@@ -26,7 +28,12 @@ pub(crate) struct Tree {
 
 const NONE: u32 = u32::MAX;
 
+#[inline(always)]
 pub(crate) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    if let ([a0, a1, a2], [b0, b1, b2]) = (a, b) {
+        let d = [a0 - b0, a1 - b1, a2 - b2];
+        return d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    }
     let mut sums = [0.0; 4];
     let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
     let rest: f64 = a4
@@ -108,6 +115,7 @@ impl Tree {
                 center: center.to_vec(),
                 radius: 0.0,
                 members: Vec::new(),
+                points: Vec::new(),
             });
         }
         let group = &mut self.groups[self.group_of_chart[chart] as usize];
@@ -115,6 +123,7 @@ impl Tree {
             .radius
             .max(squared_distance(point, &group.center).sqrt());
         group.members.push(node as u32);
+        group.points.extend_from_slice(point);
         node
     }
 
@@ -174,9 +183,10 @@ impl Tree {
             if bound.max(0.0).powi(2) >= best.1 {
                 continue;
             }
-            for &node in &self.groups[group as usize].members {
-                let start = node as usize * self.dimension;
-                let distance = squared_distance(x, &self.points[start..start + self.dimension]);
+            let group = &self.groups[group as usize];
+            let points = group.points.chunks_exact(self.dimension);
+            for (&node, point) in group.members.iter().zip(points) {
+                let distance = squared_distance(x, point);
                 if distance < best.1 {
                     best = (node as usize, distance);
                 }

@@ -65,10 +65,9 @@ fn differentiate<M: ImplicitManifold>(case: &Case<'_, M>) {
 /// Plans, and follows the path through: it joins the ends, stays on the
 /// manifold and within the bounds, and is valid at its points and at points
 /// between them that the planner did not look at.
-fn plan<M: ImplicitManifold, V: Validity>(case: &Case<'_, M>, free: &V, seed: u64) {
+fn plan<M: ImplicitManifold, V: Validity>(case: &Case<'_, M>, free: &V, options: PlannerOptions) {
     let manifold = case.manifold;
-    let mut options = PlannerOptions::default();
-    options.seed = seed;
+    let seed = options.seed;
     let step = options.step;
     let [start, goal] = &case.endpoints;
     let plan = AtlasRrt::new(manifold, free, options)
@@ -100,6 +99,12 @@ fn plan<M: ImplicitManifold, V: Validity>(case: &Case<'_, M>, free: &V, seed: u6
     }
 }
 
+fn seeded(seed: u64) -> PlannerOptions {
+    let mut options = PlannerOptions::default();
+    options.seed = seed;
+    options
+}
+
 #[test]
 fn a_sphere_with_walls() {
     let case = Case {
@@ -109,7 +114,7 @@ fn a_sphere_with_walls() {
         dimension: 2,
     };
     differentiate(&case);
-    (1..=5).for_each(|seed| plan(&case, &sphere::walls(), seed));
+    (1..=5).for_each(|seed| plan(&case, &sphere::walls(), sphere::options(seed)));
 }
 
 #[test]
@@ -122,7 +127,7 @@ fn a_chain() {
         dimension: 9,
     };
     differentiate(&case);
-    (1..=5).for_each(|seed| plan(&case, &chain.free_space(), seed));
+    (1..=5).for_each(|seed| plan(&case, &chain.free_space(), seeded(seed)));
 }
 
 #[test]
@@ -135,7 +140,7 @@ fn a_parallel_robot() {
         dimension: 19,
     };
     differentiate(&case);
-    (1..=5).for_each(|seed| plan(&case, &robot.free_space(), seed));
+    (1..=5).for_each(|seed| plan(&case, &robot.free_space(), seeded(seed)));
 }
 
 /// A chain of any number of links is a manifold of dimension 2 L − 1.

@@ -30,6 +30,7 @@ mod endpoint;
 mod forms;
 mod planning;
 mod rigidity;
+mod tracing;
 mod walking;
 
 pub use describe::{Description, describe, find_flaws};
@@ -37,6 +38,7 @@ pub use endpoint::{EndpointError, complete, refine};
 pub use forms::{FormOptions, JudgedForms, find_endpoints, formfind};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
 pub use rigidity::Rigidity;
+pub use tracing::{Motion, Trace, TraceError, TraceSetup, TraceStep, TraceStop, Tracer, trace};
 pub use walking::{is_bad_input, plan_walk, read_walk_problem, simulate_walk};
 
 /// What most programs need.

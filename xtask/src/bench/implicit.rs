@@ -23,7 +23,7 @@ const INTRODUCTION: &str = "\
 Planning on any manifold F(x) = 0: the sphere with three walls, the closed chain of five balls and \
 the parallel robot of four chains, demonstrations of the Open Motion Planning Library (OMPL). \
 The user writes F, its Jacobian and a test of points (`crates/sampling/examples`); options are the \
-defaults. A run is a success when a path is found that joins start and goal, stays on the manifold \
+defaults, but for longer steps and nearer samples on the sphere. A run is a success when a path is found that joins start and goal, stays on the manifold \
 and within the bounds, and is valid at its points and at six points between each two of them. \
 Planning time is CPU time of planning alone.
 
@@ -34,7 +34,8 @@ by us on a machine like the one below.
 /// A problem of the suite.
 struct Case {
     name: &'static str,
-    plan: fn(PlannerOptions) -> Result<Plan, String>,
+    /// Plans with a seed and a limit of time, and judges.
+    plan: fn(u64, f64) -> Result<Plan, String>,
     /// Median planning time of the peer's best planner, s.
     peer: f64,
 }
@@ -42,29 +43,36 @@ struct Case {
 const CASES: [Case; 3] = [
     Case {
         name: "sphere",
-        plan: |options| {
+        plan: |seed, time_limit| {
             let sphere = sphere::Sphere::new();
-            let ends = sphere::endpoints();
+            let (ends, mut options) = (sphere::endpoints(), sphere::options(seed));
+            options.time_limit = time_limit;
             run(&sphere, &sphere::walls(), sphere::is_valid, &ends, options)
         },
         peer: 0.010,
     },
     Case {
         name: "chain",
-        plan: |options| {
+        plan: |seed, time_limit| {
             let chain = chain::Chain::new(5);
             let (free, ends) = (chain.free_space(), chain.endpoints());
-            run(&chain, &free, chain::Chain::is_valid, &ends, options)
+            run(
+                &chain,
+                &free,
+                chain::Chain::is_valid,
+                &ends,
+                options(seed, time_limit),
+            )
         },
         peer: 0.055,
     },
     Case {
         name: "parallel",
-        plan: |options| {
+        plan: |seed, time_limit| {
             let robot = parallel::ParallelRobot::new();
             let (free, ends) = (robot.free_space(), robot.endpoints());
             let is_valid = parallel::ParallelRobot::is_valid;
-            run(&robot, &free, is_valid, &ends, options)
+            run(&robot, &free, is_valid, &ends, options(seed, time_limit))
         },
         peer: 0.043,
     },
@@ -86,10 +94,7 @@ pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
         let count = arguments.seed_count() as usize;
         let mut plans = Vec::new();
         for seed in 1..=arguments.seed_count() {
-            let mut options = PlannerOptions::default();
-            options.seed = seed;
-            options.time_limit = arguments.time_limit;
-            match (case.plan)(options) {
+            match (case.plan)(seed, arguments.time_limit) {
                 Ok(plan) => plans.push(plan),
                 Err(reason) => failures.push(RunFailure {
                     case: case.name.to_owned(),
@@ -114,6 +119,13 @@ pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
         rows,
         failures,
     })
+}
+
+fn options(seed: u64, time_limit: f64) -> PlannerOptions {
+    let mut options = PlannerOptions::default();
+    options.seed = seed;
+    options.time_limit = time_limit;
+    options
 }
 
 /// Plans and judges; the error says why the run is no success.
@@ -219,7 +231,7 @@ mod tests {
     #[test]
     fn every_case_is_solved_and_judged() {
         for case in &CASES {
-            let plan = (case.plan)(PlannerOptions::default()).unwrap();
+            let plan = (case.plan)(1, 60.0).unwrap();
             let rows = rows_of(case, 2, &[plan]);
             assert!(rows.iter().all(|row| (row.runs, row.success) == (2, 1)));
             assert_eq!(rows[0].reference[0].value, case.peer);

@@ -27,8 +27,8 @@ use crate::failure::Failure;
     tensegra check out/two-tier-s/walk.json --problem fixtures/lar/two-tier-s.toml\n\n\
     Exit status: 0 accepted, 1 refused, 2 bad input.")]
 pub struct Arguments {
-    /// Path file (JSON) written by `tensegra plan`, or walk file written by
-    /// `tensegra walk`; its member `format` tells which.
+    /// Path file (JSON) written by `tensegra plan` or `tensegra trace`, or
+    /// walk file written by `tensegra walk`; its member `format` tells which.
     path: PathBuf,
     /// Problem to judge it against [default: the one that the path names; for a
     /// walk, the robot, limits and waypoints that it states itself].
@@ -78,13 +78,16 @@ fn run_walk(arguments: &Arguments) -> Result<bool, Failure> {
 
 fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {
     let contents = read_path_file(file).map_err(Failure::message)?;
-    let problem = match problem {
+    let mut problem = match problem {
         Some(problem) => read_problem(problem)?,
         None => contents.read_problem(file).map_err(Failure::message)?,
     };
     contents
         .check_structure(file, &problem)
         .map_err(Failure::message)?;
+    if contents.open_end {
+        problem.goal = None;
+    }
     Ok(check_path(
         &problem,
         &contents.path,

@@ -5,6 +5,7 @@ pub mod formfind;
 pub mod info;
 pub mod plan;
 pub mod rest_lengths;
+pub mod trace;
 pub mod walk;
 
 use std::path::{Path, PathBuf};
@@ -40,6 +41,70 @@ pub fn formulation_name(formulation: model::Formulation) -> &'static str {
     match formulation {
         model::Formulation::Nodes => "nodes",
         model::Formulation::Directions => "directions",
+    }
+}
+
+/// What motors keep constant when their elements are disturbed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Actuation {
+    /// Rest lengths of elastic elements, lengths of inextensible ones.
+    Length,
+    /// Forces.
+    Force,
+}
+
+/// How stable the equilibria of a motion must be.
+#[derive(clap::Args)]
+pub struct StabilityArguments {
+    /// Keep to equilibria whose tangent stiffness on admissible motions has no
+    /// eigenvalue of S or less (force per length; 0 without a value) [default: the
+    /// problem's demand, if it has one].
+    #[arg(long, value_name = "S", num_args = 0..=1, require_equals = true,
+          default_missing_value = "0", value_parser = parse_stiffness)]
+    stable: Option<f64>,
+    /// What motors keep constant when their elements are disturbed [default: the
+    /// problem's].
+    #[arg(long, value_enum)]
+    actuation: Option<Actuation>,
+}
+
+impl StabilityArguments {
+    /// Puts what was given into a problem's settings.
+    pub fn apply(&self, problem: &mut Problem) {
+        if let Some(actuation) = self.actuation {
+            problem.settings.actuation = match actuation {
+                Actuation::Length => model::Actuation::Length,
+                Actuation::Force => model::Actuation::Force,
+            };
+        }
+        if let Some(margin) = self.stable {
+            problem.settings.least_stiffness = Some(margin);
+        }
+    }
+}
+
+fn parse_stiffness(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(stiffness) if stiffness.is_finite() && stiffness >= 0.0 => Ok(stiffness),
+        _ => Err(format!(
+            "`{text}` is no stiffness; give a number of at least 0 (force per length)"
+        )),
+    }
+}
+
+/// The smallest stiffness along a path and where, for people.
+pub fn stiffness_text(least: Option<(usize, f64)>) -> String {
+    match least {
+        Some((index, stiffness)) => format!("{stiffness:.4e} at configuration {index}"),
+        None => "no motion is admissible".to_owned(),
+    }
+}
+
+/// The smallest stiffness along a path and where, for programs.
+pub fn stiffness_json(least: Option<(usize, f64)>) -> serde_json::Value {
+    match least {
+        Some((index, value)) => serde_json::json!({ "value": value, "configuration": index }),
+        None => serde_json::Value::Null,
     }
 }
 

@@ -17,8 +17,9 @@ use tensegra::{
 };
 
 use super::{
-    Formulation, PNG_SCALE, formulation_name, json_failure, parse_seconds, parse_seeds, print_json,
-    print_written, read_problem, require_writable,
+    Formulation, PNG_SCALE, StabilityArguments, formulation_name, json_failure, parse_seconds,
+    parse_seeds, print_json, print_written, read_problem, require_writable, stiffness_json,
+    stiffness_text,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -34,7 +35,8 @@ const SNAPSHOTS: usize = 4;
 #[command(after_help = "Examples:\n  \
     tensegra plan fixtures/kite.toml\n  \
     tensegra plan fixtures/kite.toml --seed 7 --formulation directions --out /tmp/kite\n  \
-    tensegra plan fixtures/kite.toml --seeds 1..20 --json\n\n\
+    tensegra plan fixtures/kite.toml --seeds 1..20 --json\n  \
+    tensegra plan fixtures/tower.toml --stable=0.01\n\n\
     Exit status: 0 solved and accepted by the judge, 1 not, 2 bad input.")]
 pub struct Arguments {
     /// Problem (.toml) or structure (.tens) file.
@@ -62,6 +64,8 @@ pub struct Arguments {
     /// CPU seconds after which planning is given up [default: the problem's].
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     time_limit: Option<f64>,
+    #[command(flatten)]
+    stability: StabilityArguments,
     /// Output folder [default: out/NAME].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -141,6 +145,7 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     if arguments.no_slide {
         problem.settings.slide = false;
     }
+    arguments.stability.apply(&mut problem);
     if let Some(seconds) = arguments.time_limit {
         problem.settings.time_limit = seconds;
     }
@@ -148,7 +153,6 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         .out
         .clone()
         .unwrap_or_else(|| Path::new("out").join(&problem.name));
-    // An unwritable folder is found before the work, not after it.
     require_writable(&out)?;
     let (first, last) = arguments
         .seeds
@@ -330,6 +334,7 @@ fn as_json(outcome: &Outcome) -> Value {
                 "configurations": plan.path.configurations.len(),
                 "path_length": plan.path_length,
                 "control_effort": plan.control_effort,
+                "least_stiffness": stiffness_json(plan.least_stiffness),
                 "path": solved.files[0],
                 "files": solved.files,
                 "statistics": statistics_json(&plan.statistics, plan.planning_seconds),
@@ -384,7 +389,6 @@ fn print_solved(seed: u64, solved: &Solved) {
         ("  between samples", Check::ClearanceBetween),
         ("largest step", Check::Displacement),
         ("worst balance", Check::Balance),
-        ("stiffness", Check::Stability),
     ] {
         if let Some(figure) = report.figure(check) {
             println!(
@@ -393,6 +397,10 @@ fn print_solved(seed: u64, solved: &Solved) {
             );
         }
     }
+    println!(
+        "least stiffness    {}",
+        stiffness_text(plan.least_stiffness)
+    );
     if report.ok {
         println!("check              accepted by the independent judge");
     } else {

@@ -8,15 +8,13 @@ mod problem;
 #[path = "../shared/report.rs"]
 mod report;
 
-use tensegra_sampling::{AtlasRrt, PlanError, PlannerOptions};
+use tensegra_sampling::{AtlasRrt, PlanError};
 
 fn main() -> Result<(), PlanError> {
     let sphere = problem::Sphere::new();
     let walls = problem::walls();
     let [start, goal] = problem::endpoints();
     report::seeds(problem::is_valid, |seed| {
-        let mut options = PlannerOptions::default();
-        options.seed = seed;
-        AtlasRrt::new(&sphere, &walls, options).plan(&start, &goal, &mut ())
+        AtlasRrt::new(&sphere, &walls, problem::options(seed)).plan(&start, &goal, &mut ())
     })
 }

@@ -1,6 +1,7 @@
 //! The problem: from pole to pole of a sphere, through three walls.
 
 use tensegra_atlas::{ImplicitManifold, Predicate, SparsityPattern, Validity};
+use tensegra_sampling::{PlannerOptions, SampleRadius};
 
 /// The unit sphere in space: F(x) = (|x|² − 1) / 2.
 pub struct Sphere {
@@ -67,11 +68,23 @@ fn is_clear(x: &[f64], margin: f64) -> bool {
     }
 }
 
-/// The test of steps: at their ends and at four points between. Steps are 0.05
-/// long, so that a path may cut corners by half of 0.01 between two tests; that
-/// is the margin.
+/// Length of a step.
+const STEP: f64 = 0.1;
+
+/// The test of steps: at their ends and at six points between. A path may cut
+/// corners by half the distance between two tests; that is the margin.
 pub fn walls() -> impl Validity {
-    Predicate::new(3, 4, |x: &[f64]| is_clear(x, 0.006))
+    Predicate::new(3, 6, |x: &[f64]| is_clear(x, 0.5 * STEP / 6.0))
+}
+
+/// The planner's options that are not left as they are: long steps, and samples
+/// from as far about a chart as the sphere is wide.
+pub fn options(seed: u64) -> PlannerOptions {
+    let mut options = PlannerOptions::default();
+    options.seed = seed;
+    options.step = STEP;
+    options.sample_radius = SampleRadius::Fixed(1.0);
+    options
 }
 
 /// Start and goal: the south pole and the north pole.
