@@ -20,7 +20,8 @@ use clap::{Parser, Subcommand};
     tensegra info fixtures/kite.toml                  what the structure is\n  \
     tensegra walk fixtures/lar/two-tier-s.toml        walk a truss robot, check, write\n  \
     tensegra formfind fixtures/formfinding/prism.toml  find a stable shape\n  \
-    tensegra check out/kite/path.json                 judge a path or walk again\n\n\
+    tensegra check out/kite/path.json                 judge a path or walk again\n  \
+    tensegra atlas fixtures/tower3D.toml              all that a structure can reach\n\n\
     Exit status: 0 success, 1 no plan found or path refused, 2 bad input.")]
 struct Arguments {
     #[command(subcommand)]
@@ -34,6 +35,7 @@ enum Command {
     Walk(commands::walk::Arguments),
     Formfind(commands::formfind::Arguments),
     Check(commands::check::Arguments),
+    Atlas(commands::atlas::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Command::Walk(arguments) => commands::walk::run(&arguments),
         Command::Formfind(arguments) => commands::formfind::run(&arguments),
         Command::Check(arguments) => commands::check::run(&arguments),
+        Command::Atlas(arguments) => commands::atlas::run(&arguments),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
