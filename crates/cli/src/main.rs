@@ -22,6 +22,7 @@ use clap::{Parser, Subcommand};
     tensegra formfind fixtures/formfinding/prism.toml  find a stable shape\n  \
     tensegra check out/kite/path.json                 judge a path or walk again\n  \
     tensegra trace fixtures/kite.toml --move c1:rest=0.4  move a motor\n\n\
+    tensegra atlas fixtures/tower3D.toml              all that a structure can reach\n\n\
     Exit status: 0 success, 1 no plan found or path refused, 2 bad input.")]
 struct Arguments {
     #[command(subcommand)]
@@ -36,6 +37,7 @@ enum Command {
     Formfind(commands::formfind::Arguments),
     Check(commands::check::Arguments),
     Trace(commands::trace::Arguments),
+    Atlas(commands::atlas::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -46,6 +48,7 @@ fn main() -> ExitCode {
         Command::Formfind(arguments) => commands::formfind::run(&arguments),
         Command::Check(arguments) => commands::check::run(&arguments),
         Command::Trace(arguments) => commands::trace::run(&arguments),
+        Command::Atlas(arguments) => commands::atlas::run(&arguments),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

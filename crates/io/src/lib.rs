@@ -2,6 +2,8 @@
 //!
 //! - [`write_path_file`], [`read_path_file`]: a motion as one JSON object, bit for
 //!   bit, which finds its problem again ([`PathFile::read_problem`]).
+//! - [`write_atlas_file`], [`read_atlas_file`]: the atlas of a component, to be queried
+//!   again.
 //! - [`write_log`]: the motion as an MCAP log, which Foxglove plays and plots.
 //! - [`draw_snapshots`], [`draw_forces`], [`draw_lengths`], [`draw_paths`]: the
 //!   usual [`Picture`]s of a motion, as SVG and PNG. They are made of [`Scene`],
@@ -54,6 +56,7 @@
 //! # }
 //! ```
 
+mod atlas_file;
 mod atomic;
 mod bench;
 mod consistency;
@@ -65,6 +68,10 @@ mod path_file;
 mod picture;
 mod walk;
 
+pub use atlas_file::{
+    AtlasFile, AtlasReadError, AtlasWriteError, BorderRecord, ChartRecord, read_atlas_file,
+    write_atlas_file,
+};
 pub use atomic::{WriteError, write_atomic};
 pub use bench::{
     BenchReadError, BenchRow, Column, MarkdownTable, ReferenceValue, bench_table, quantile,

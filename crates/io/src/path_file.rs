@@ -352,6 +352,15 @@ impl ProblemReference {
             texts: digests(problem),
         }
     }
+
+    /// This reference with the place of the problem as seen from a file.
+    pub(crate) fn seen_from(&self, file: &FilePath) -> Self {
+        let absolute = self.absolute.as_ref();
+        Self {
+            relative: absolute.and_then(|problem| relative(file, FilePath::new(problem))),
+            ..self.clone()
+        }
+    }
 }
 
 fn digests(problem: &Problem) -> Vec<TextDigest> {
@@ -372,11 +381,7 @@ fn digests(problem: &Problem) -> Vec<TextDigest> {
 /// [`PathWriteError`] when the path does not fit the nodes and elements, a
 /// number is not finite, or the file cannot be written.
 pub fn write_path_file(file: &FilePath, contents: &PathFile) -> Result<(), PathWriteError> {
-    let mut reference = contents.problem.clone();
-    reference.relative = reference
-        .absolute
-        .as_ref()
-        .and_then(|problem| relative(file, FilePath::new(problem)));
+    let reference = contents.problem.seen_from(file);
     Ok(write_atomic(file, &encode(contents, &reference)?)?)
 }
 
@@ -619,7 +624,7 @@ fn encode(contents: &PathFile, problem: &ProblemReference) -> Result<Vec<u8>, Pa
     Ok(bytes)
 }
 
-fn node_names(structure: &Structure) -> Vec<String> {
+pub(crate) fn node_names(structure: &Structure) -> Vec<String> {
     structure
         .nodes
         .iter()
@@ -627,7 +632,7 @@ fn node_names(structure: &Structure) -> Vec<String> {
         .collect()
 }
 
-fn element_records(structure: &Structure) -> Vec<ElementRecord> {
+pub(crate) fn element_records(structure: &Structure) -> Vec<ElementRecord> {
     let name = |node: usize| structure.nodes[node].name.clone();
     structure
         .elements
@@ -640,7 +645,7 @@ fn element_records(structure: &Structure) -> Vec<ElementRecord> {
         .collect()
 }
 
-const fn formulation_name(formulation: Formulation) -> &'static str {
+pub(crate) const fn formulation_name(formulation: Formulation) -> &'static str {
     match formulation {
         Formulation::Nodes => "nodes",
         Formulation::Directions => "directions",
@@ -734,7 +739,7 @@ fn relative(file: &FilePath, target: &FilePath) -> Option<String> {
 }
 
 /// The message of a JSON error without the place, which stands before it.
-fn without_place(failure: &serde_json::Error) -> String {
+pub(crate) fn without_place(failure: &serde_json::Error) -> String {
     let message = failure.to_string();
     let place = format!(" at line {} column {}", failure.line(), failure.column());
     match message.strip_suffix(&place) {

@@ -25,20 +25,26 @@ pub use tensegra_model as model;
 pub use tensegra_optim as optim;
 pub use tensegra_sampling as sampling;
 
+mod atlas_picture;
 mod describe;
 mod endpoint;
+mod exploring;
 mod forms;
 mod planning;
 mod rigidity;
 mod tracing;
+mod quantity;
 mod walking;
 
+pub use atlas_picture::{AtlasView, Tree};
 pub use describe::{Description, describe, find_flaws};
 pub use endpoint::{EndpointError, complete, refine};
+pub use exploring::{AtlasError, AtlasPath, Coverage, EquilibriumAtlas, explore};
 pub use forms::{FormOptions, JudgedForms, find_endpoints, formfind};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
 pub use rigidity::Rigidity;
 pub use tracing::{Motion, Trace, TraceError, TraceSetup, TraceStep, TraceStop, Tracer, trace};
+pub use quantity::{QuantityError, Shade, parse_quantity, three_quantities};
 pub use walking::{is_bad_input, plan_walk, read_walk_problem, simulate_walk};
 
 /// What most programs need.

@@ -186,18 +186,17 @@ pub(crate) fn prepare_start(problem: &Problem) -> Result<Grounded, PlanningError
         dimension,
         size,
     };
-    refuse_collision(problem, &grounded, "start", &grounded.start)?;
+    let free = FreeSpace::new(grounded.manifold.as_ref(), &problem.environment, size)?;
+    refuse_collision(problem, &free, "start", &grounded.start)?;
     Ok(grounded)
 }
 
-fn refuse_collision(
+pub(crate) fn refuse_collision<M: EquilibriumManifold + ?Sized>(
     problem: &Problem,
-    grounded: &Grounded,
+    free: &FreeSpace<'_, M>,
     which: &'static str,
     x: &[f64],
 ) -> Result<(), PlanningError> {
-    let manifold = grounded.manifold.as_ref();
-    let free = FreeSpace::new(manifold, &problem.environment, grounded.size)?;
     match free.closest(x) {
         Some(closest) if closest.clearance <= 0.0 => {
             let [a, b] = closest.bodies.map(|body| body_name(problem, body));
@@ -245,7 +244,8 @@ pub(crate) fn prepare(problem: &Problem) -> Result<Prepared, PlanningError> {
         }
         .into());
     }
-    refuse_collision(problem, &grounded, "goal", &goal)?;
+    let free = FreeSpace::new(manifold, &problem.environment, grounded.size)?;
+    refuse_collision(problem, &free, "goal", &goal)?;
     Ok(Prepared { grounded, goal })
 }
 

@@ -1,5 +1,6 @@
 //! `cargo xtask bench`: measured figures beside those of others.
 
+mod atlas;
 mod document;
 mod formfinding;
 mod implicit;
@@ -120,6 +121,8 @@ enum Suite {
     Lar,
     /// Stable forms: from conditions alone, free of collisions
     Formfinding,
+    /// Atlases of whole components of equilibrium manifolds
+    Atlas,
 }
 
 impl Suite {
@@ -129,6 +132,7 @@ impl Suite {
             Self::Implicit => "implicit",
             Self::Lar => "lar",
             Self::Formfinding => "formfinding",
+            Self::Atlas => "atlas",
         }
     }
 
@@ -138,6 +142,7 @@ impl Suite {
             Self::Implicit => implicit::measure(arguments),
             Self::Lar => lar::measure(arguments),
             Self::Formfinding => formfinding::measure(arguments),
+            Self::Atlas => atlas::measure(arguments),
         }
     }
 }

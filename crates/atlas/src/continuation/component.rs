@@ -205,12 +205,15 @@ impl ComponentAtlas {
         self.parents.push(parent);
         self.cells.push(Polytope::cube(self.dimension, radius));
         self.neighbours.push(Vec::new());
-        for other in near {
+        // The parent is a neighbour in any case: it was left on its own sheet.
+        near.retain(|&other| Some(other) != parent);
+        for other in parent.into_iter().chain(near) {
             let distance = squared_distance(center, self.charts[other].center());
-            if distance > (radius + self.radii[other]).powi(2) || distance == 0.0 {
+            let known = Some(other) == parent;
+            if !known && distance > (radius + self.radii[other]).powi(2) || distance == 0.0 {
                 continue;
             }
-            if let Some([here, there]) = self.pair(manifold, new, other, distance, work) {
+            if let Some([here, there]) = self.pair(manifold, [new, other], distance, known, work) {
                 self.cut(new, &here);
                 self.cut(other, &there);
                 self.neighbours[new].push(here);
@@ -221,7 +224,7 @@ impl ComponentAtlas {
     }
 
     /// Two charts as neighbours of each other; none when they lie on different
-    /// sheets of the manifold.
+    /// sheets of the manifold, unless they are known not to.
     ///
     /// On one sheet, each centre lies about as far off the tangent space of the
     /// other, to the same side; on parallel sheets, to opposite sides. Where this
@@ -229,9 +232,9 @@ impl ComponentAtlas {
     fn pair<M: ImplicitManifold + ?Sized>(
         &self,
         manifold: &M,
-        a: usize,
-        b: usize,
+        [a, b]: [usize; 2],
         distance: f64,
+        known: bool,
         work: &mut Workspace,
     ) -> Option<[Neighbour; 2]> {
         let seen = |from: usize, to: usize| {
@@ -248,11 +251,12 @@ impl ComponentAtlas {
         let (at_a, offset_a) = seen(b, a);
         let sizes = [norm(&offset_b), norm(&offset_a)];
         // Steeper than this, the projections mean nothing.
-        if sizes[0].max(sizes[1]).powi(2) > 0.5 * distance {
+        if !known && sizes[0].max(sizes[1]).powi(2) > 0.5 * distance {
             return None;
         }
         let difference = squared_distance(&offset_a, &offset_b).sqrt();
-        let clear = difference <= AGREE * sizes[0].max(sizes[1]) + SAME_POINT * self.domain.radius;
+        let clear =
+            known || difference <= AGREE * sizes[0].max(sizes[1]) + SAME_POINT * self.domain.radius;
         if !clear && !self.share_the_middle(manifold, [a, b], &at_a, work) {
             return None;
         }

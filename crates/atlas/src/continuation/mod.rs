@@ -47,6 +47,8 @@ use crate::{
 };
 use border::broken_limit;
 
+/// Blocked ways are tried again in steps of this fraction of the stride.
+const FINER: f64 = 0.25;
 /// A radius shrinks by this factor.
 const SHRINK: f64 = 0.7;
 /// Radii do not shrink below this fraction of ρ.
@@ -64,7 +66,8 @@ pub struct ContinuationOptions {
     pub tolerance: f64,
     /// Charts after which the continuation is given up.
     pub max_charts: usize,
-    /// Longest step, in tangent coordinates, that validity is tested over.
+    /// Longest step, in tangent coordinates, that validity is tested over; a quarter
+    /// of it where that does not suffice.
     pub stride: f64,
     /// Angle, in radians, between the directions in which the rim of a domain is
     /// searched for a way on, before a border is taken for closed.
@@ -366,8 +369,16 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
     }
 
     /// Tests the way from the centre of a chart to x, straight in tangent
-    /// coordinates.
+    /// coordinates. Where long steps do not show it to be free, short ones may.
     fn go(&mut self, chart: usize, x: &[f64]) -> Outlook {
+        let stride = self.continuation.options.stride;
+        match self.go_in_steps(chart, x, stride) {
+            Outlook::Ends(Border::Blocked) => self.go_in_steps(chart, x, FINER * stride),
+            outlook => outlook,
+        }
+    }
+
+    fn go_in_steps(&mut self, chart: usize, x: &[f64], stride: f64) -> Outlook {
         self.tests += 1;
         let Continuation {
             manifold,
@@ -376,7 +387,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
         } = *self.continuation;
         let here = self.atlas.chart(chart);
         let radius = self.atlas.radius(chart);
-        let steps = (radius / options.stride).ceil().max(1.0) as usize;
+        let steps = (radius / stride).ceil().max(1.0) as usize;
         let mut from = vec![0.0; x.len()];
         let mut to = here.center().to_vec();
         let mut violated = Vec::new();

@@ -1,5 +1,6 @@
 //! The verbs of the program.
 
+pub mod atlas;
 pub mod check;
 pub mod formfind;
 pub mod info;

@@ -14,6 +14,7 @@
 //! when it hardly comes nearer to its target.
 
 mod branch;
+mod explore;
 mod path;
 mod search;
 mod step;

@@ -21,7 +21,7 @@ const CONNECTION_CANDIDATES: usize = 6;
 /// A tree this many times larger than the other one waits.
 const IMBALANCE: usize = 4;
 /// Extensions in a row without a new node after which planning is given up.
-const FRUITLESS: usize = 200_000;
+pub(super) const FRUITLESS: usize = 200_000;
 
 /// A point with its tangent coordinates.
 #[derive(Clone, Debug, Default)]

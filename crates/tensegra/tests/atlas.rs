@@ -1,0 +1,135 @@
+//! Atlases of whole components: coverage, files, paths over them.
+
+use std::path::{Path, PathBuf};
+
+use tensegra::{
+    AtlasError, EquilibriumAtlas,
+    check::{CheckOptions, check_path},
+    io::{read_atlas_file, write_atlas_file},
+    model::{Endpoint, Problem},
+};
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../fixtures")
+        .join(name)
+}
+
+fn problem(name: &str) -> Problem {
+    Problem::read(&fixture(name)).unwrap()
+}
+
+/// The problem with the configuration at the centre of a chart as its goal.
+fn with_goal(problem: &Problem, atlas: &EquilibriumAtlas, chart: usize) -> Problem {
+    let configuration = atlas.configurations().swap_remove(chart);
+    let mut goal = Endpoint::at(configuration.positions, &problem.structure);
+    goal.forces = configuration.forces;
+    let mut problem = problem.clone();
+    problem.goal = Some(goal);
+    problem
+}
+
+#[test]
+fn the_component_of_the_symmetric_tower_is_covered() {
+    let problem = problem("tower3D.toml");
+    let atlas = tensegra::explore(&problem, &mut ()).unwrap();
+    assert!(atlas.complete);
+    assert_eq!(atlas.dimension(), 2);
+    let coverage = atlas.measure_coverage(&problem, 600, 3).unwrap();
+    assert_eq!(coverage.covered, coverage.points);
+    // It ends where cables go slack and where struts touch.
+    let kinds: Vec<&str> = atlas.borders.iter().map(|b| b.kind.as_str()).collect();
+    assert!(kinds.contains(&"limit") && kinds.contains(&"contact"));
+}
+
+#[test]
+fn an_atlas_file_answers_queries_like_the_atlas() {
+    let problem = problem("free_prism.toml");
+    let atlas = tensegra::explore(&problem, &mut ()).unwrap();
+    assert!(atlas.complete);
+    assert!(atlas.measure_coverage(&problem, 600, 5).unwrap().covered == 600);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("atlas.json");
+    write_atlas_file(&file, &atlas.to_file(&problem)).unwrap();
+    let contents = read_atlas_file(&file).unwrap();
+    assert_eq!(contents.charts, atlas.to_file(&problem).charts);
+    // As far away as it gets.
+    let query = with_goal(&problem, &atlas, atlas.charts.len() - 1);
+    let read = EquilibriumAtlas::from_file(&contents, &query).unwrap();
+    let [first, again] = [&atlas, &read].map(|atlas| atlas.answer(&query).unwrap());
+    assert_eq!(first.path, again.path);
+    let report = check_path(&query, &first.path, &CheckOptions::default());
+    assert!(report.ok, "{report}");
+    // Another structure is refused.
+    let kite = self::problem("kite.toml");
+    let error = EquilibriumAtlas::from_file(&contents, &kite).err().unwrap();
+    assert!(
+        matches!(error, AtlasError::OtherStructure { .. }),
+        "{error}"
+    );
+    let mut stiffer = query.clone();
+    stiffer.structure.pretension = Some(2.0);
+    let error = EquilibriumAtlas::from_file(&contents, &stiffer).err();
+    assert!(matches!(error, Some(AtlasError::OtherManifold { .. })));
+}
+
+#[test]
+fn the_prism_with_its_box_is_planned_on_its_atlas() {
+    let problem = problem("prism.toml");
+    let atlas = tensegra::explore(&problem, &mut ()).unwrap();
+    assert!(atlas.complete);
+    let answer = atlas.answer(&problem).unwrap();
+    let report = check_path(&problem, &answer.path, &CheckOptions::default());
+    assert!(report.ok, "{report}");
+    // The outlines tile the component: its area does not depend on the size of
+    // charts.
+    let area = |atlas: &EquilibriumAtlas| {
+        let outlines = atlas.outlines(&problem).unwrap();
+        atlas.area(&outlines).unwrap()
+    };
+    let mut finer = problem.clone();
+    finer.settings.chart_radius *= 0.5;
+    let finer = tensegra::explore(&finer, &mut ()).unwrap();
+    assert!(finer.charts.len() > 2 * atlas.charts.len());
+    let (coarse, fine) = (area(&atlas), area(&finer));
+    assert!((coarse / fine - 1.0).abs() < 0.05, "{coarse} {fine}");
+}
+
+#[test]
+fn atlas_files_that_contradict_themselves_are_refused() {
+    let problem = problem("free_prism.toml");
+    let mut limited = problem.clone();
+    limited.settings.max_charts = 5;
+    let atlas = tensegra::explore(&limited, &mut ()).unwrap();
+    assert!(!atlas.complete && atlas.charts.len() == 5);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("atlas.json");
+    write_atlas_file(&file, &atlas.to_file(&problem)).unwrap();
+    let good = std::fs::read_to_string(&file).unwrap();
+    for (from, to, message) in [
+        ("tensegra-atlas", "tensegra-path", "not `tensegra-atlas`"),
+        ("\"version\": 1", "\"version\": 2", "version 2"),
+        ("\"nodes\": [", "\"nodes\": [\"extra\", ", "positions for"),
+        ("\"dimension\": 2", "\"dimension\": 99", "no dimension 99"),
+        ("\"cosine\": 0.9", "\"cosine\": -1", "cosine is -1"),
+        (
+            "\"parent\": 0",
+            "\"parent\": 7",
+            "parent is a chart before it",
+        ),
+        ("\"charts\": [", "\"charts\": [1, ", "invalid type"),
+    ] {
+        assert!(good.contains(from), "{from}");
+        std::fs::write(&file, good.replacen(from, to, 1)).unwrap();
+        let error = read_atlas_file(&file).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+    std::fs::write(&file, "").unwrap();
+    assert!(
+        read_atlas_file(&file)
+            .unwrap_err()
+            .to_string()
+            .contains("empty")
+    );
+    assert!(read_atlas_file(&folder.path().join("none.json")).is_err());
+}
