@@ -21,7 +21,7 @@ use clap::{Parser, Subcommand};
     tensegra walk fixtures/lar/two-tier-s.toml        walk a truss robot, check, write\n  \
     tensegra formfind fixtures/formfinding/prism.toml  find a stable shape\n  \
     tensegra check out/kite/path.json                 judge a path or walk again\n  \
-    tensegra trace fixtures/kite.toml --move c1:rest=0.4  move a motor\n\n\
+    tensegra trace fixtures/kite.toml --move c1:rest=0.4  move a motor\n  \
     tensegra atlas fixtures/tower3D.toml              all that a structure can reach\n\n\
     Exit status: 0 success, 1 no plan found or path refused, 2 bad input.")]
 struct Arguments {
