@@ -218,13 +218,14 @@ fn complaint(toml: &str) -> String {
     assert_eq!(output.status.code(), Some(2), "{output:?}");
     assert_eq!(json(&output)["solved"], false);
     assert!(!out.join("walk.json").exists());
-    // Lines may be wrapped.
+    // Lines may be wrapped, at hyphens too.
     let message = String::from_utf8(output.stderr).unwrap();
     message
         .split_whitespace()
         .collect::<Vec<_>>()
         .join(" ")
         .replace(" │ ", " ")
+        .replace("- ", "-")
 }
 
 #[test]
@@ -327,7 +328,7 @@ fn bad_problems_are_refused_with_their_place() {
         ),
         (
             replaced("[0.5, 0.3, 0.8]", "[0.5, nan, 0.8]"),
-            "bad.toml:5:62",
+            "bad.toml:5:61",
             ["node 3 has the coordinate NaN", "give finite numbers"],
         ),
         (
@@ -355,7 +356,7 @@ fn bad_problems_are_refused_with_their_place() {
                 "waypoints = [[0.8, 0.3]]",
                 "goal = { centre = [1.0, 0.0], radius = nan }",
             ),
-            "bad.toml:2:41",
+            "bad.toml:2:40",
             ["radius of the goal is NaN", "positive"],
         ),
         (
