@@ -142,7 +142,7 @@ pub fn explore(
         let mut progress = Progress::default();
         progress.charts = charts;
         // The clock is a system call: not for every chart.
-        if charts % 16 == 0 {
+        if charts.is_multiple_of(16) {
             progress.seconds = clock.elapsed().as_secs_f64();
             return progress.seconds <= settings.time_limit && observer.progress(&progress);
         }

@@ -31,9 +31,9 @@ mod endpoint;
 mod exploring;
 mod forms;
 mod planning;
+mod quantity;
 mod rigidity;
 mod tracing;
-mod quantity;
 mod walking;
 
 pub use atlas_picture::{AtlasView, Tree};
@@ -42,9 +42,9 @@ pub use endpoint::{EndpointError, complete, refine};
 pub use exploring::{AtlasError, AtlasPath, Coverage, EquilibriumAtlas, explore};
 pub use forms::{FormOptions, JudgedForms, find_endpoints, formfind};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
+pub use quantity::{QuantityError, Shade, parse_quantity, three_quantities};
 pub use rigidity::Rigidity;
 pub use tracing::{Motion, Trace, TraceError, TraceSetup, TraceStep, TraceStop, Tracer, trace};
-pub use quantity::{QuantityError, Shade, parse_quantity, three_quantities};
 pub use walking::{is_bad_input, plan_walk, read_walk_problem, simulate_walk};
 
 /// What most programs need.

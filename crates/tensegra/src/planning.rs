@@ -1,7 +1,7 @@
 //! From a problem to a plan.
 
 use cpu_time::ThreadTime;
-use tensegra_atlas::{ChartDomain, ManifoldError};
+use tensegra_atlas::{ChartDomain, ManifoldError, Validity};
 use tensegra_formfinding::FormError;
 use tensegra_model::{
     Body, BodyError, Configuration, DirectionsManifold, EquilibriumError, EquilibriumManifold,
@@ -329,8 +329,8 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
 }
 
 /// Refuses a start or goal that is not as stable as demanded.
-pub(crate) fn refuse_instability(
-    stable: &Stable<'_, dyn EquilibriumManifold, FreeSpace<'_, dyn EquilibriumManifold>>,
+pub(crate) fn refuse_instability<M: EquilibriumManifold + ?Sized, V: Validity>(
+    stable: &Stable<'_, M, V>,
     which: &'static str,
     x: &[f64],
 ) -> Result<(), PlanningError> {

@@ -51,7 +51,7 @@ pub fn measure(arguments: &BenchArguments, rows: &mut Vec<BenchRow>) -> Result<P
         problem.settings.time_limit = arguments.time_limit;
         problem.settings.max_nodes = NODES;
         let elements = problem.structure.elements.len();
-        let dimension = describe(&problem)?.dimension;
+        let dimension = describe(&problem, None)?.dimension;
         let variant = format!("{stages} stages, {elements} elements, k = {dimension}");
         let mut samples: [Vec<f64>; 2] = Default::default();
         for seed in 1..=runs {

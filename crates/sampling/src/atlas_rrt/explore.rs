@@ -9,6 +9,9 @@ use super::{
 };
 use crate::plan::PlanError;
 
+/// A point of the manifold, and the index of the node that it was reached from.
+pub type ExploredNode = (Vec<f64>, Option<usize>);
+
 impl<M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'_, M, V> {
     /// Grows one tree from `start`, a point of the manifold, until it has `nodes`
     /// nodes, the time limit is reached, or no branch makes progress any more.
@@ -16,11 +19,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'_, M, V> {
     ///
     /// # Errors
     /// [`PlanError`] when the start is not valid.
-    pub fn explore(
-        &self,
-        start: &[f64],
-        nodes: usize,
-    ) -> Result<Vec<(Vec<f64>, Option<usize>)>, PlanError> {
+    pub fn explore(&self, start: &[f64], nodes: usize) -> Result<Vec<ExploredNode>, PlanError> {
         let clock = ThreadTime::now();
         self.validate("start", start)?;
         let mut planner = AtlasRrt::new(self.manifold, self.validity, self.options.clone());
