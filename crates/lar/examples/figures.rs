@@ -2,7 +2,8 @@
 //! robots, dynamics. Times are processor seconds of this thread.
 //!
 //! Arguments name the parts to run: `primitives`, `greedy`, `two-tier`, `random`, `dynamics`; all
-//! if none is given. A number sets the count of random sequences (100).
+//! if none is given. `rolling`, `everting` and `octahedron` restrict primitives, two-tier walks
+//! and dynamics to these gaits. A number sets the count of random sequences (100).
 
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -33,6 +34,9 @@ fn clock() -> f64 {
         )
 }
 
+/// Parts of this programme.
+const PARTS: [&str; 5] = ["primitives", "dynamics", "two-tier", "greedy", "random"];
+
 /// A gait of the literature.
 struct Known {
     name: &'static str,
@@ -41,9 +45,10 @@ struct Known {
     tip: &'static [(usize, [f64; 3])],
 }
 
-fn known(rigidity: Option<f64>) -> Result<Vec<Known>, Box<dyn std::error::Error>> {
+/// The gaits asked for.
+fn known(rigidity: Option<f64>, names: &[&str]) -> Result<Vec<Known>, Box<dyn std::error::Error>> {
     let k5 = unit_k5(Limits::default())?;
-    Ok(vec![
+    let mut all = vec![
         Known {
             name: "K5 rolling",
             start: k5.clone(),
@@ -66,7 +71,11 @@ fn known(rigidity: Option<f64>) -> Result<Vec<Known>, Box<dyn std::error::Error>
                 (5, [0.025, -0.437, 0.804]),
             ],
         },
-    ])
+    ];
+    if !names.is_empty() {
+        all.retain(|gait| names.iter().any(|name| gait.name.ends_with(name)));
+    }
+    Ok(all)
 }
 
 impl Known {
@@ -96,9 +105,9 @@ impl Known {
     }
 }
 
-fn primitives() -> Outcome {
+fn primitives(names: &[&str]) -> Outcome {
     let options = PrimitiveOptions::default();
-    for known in known(None)? {
+    for known in known(None, names)? {
         let symmetric = known.symmetric()?;
         let began = clock();
         let (one, attempt) = solve_primitive(&symmetric, &known.tip_shape(), &options)?;
@@ -144,7 +153,7 @@ fn primitives() -> Outcome {
         }
     }
     for rigidity in [0.0025, 0.005] {
-        for known in known(Some(rigidity))? {
+        for known in known(Some(rigidity), names)? {
             let one = known.primitive()?;
             let began = clock();
             let gait = find_gait(&one, &options)?.best;
@@ -200,9 +209,9 @@ fn greedy(count: usize) -> Outcome {
     Ok(())
 }
 
-fn two_tier(count: usize) -> Outcome {
+fn two_tier(count: usize, names: &[&str]) -> Outcome {
     let sequences = random_sequences(count, 5, 5.0, 1);
-    for known in known(Some(0.0025))? {
+    for known in known(Some(0.0025), names)? {
         let start = known.start.clone().moved_to([2.5, 2.5]);
         let one = known.primitive()?;
         for rolls in 1..=4 {
@@ -237,8 +246,8 @@ fn random() -> Outcome {
     Ok(())
 }
 
-fn dynamics() -> Outcome {
-    for known in known(None)? {
+fn dynamics(names: &[&str]) -> Outcome {
+    for known in known(None, names)? {
         let one = known.primitive()?;
         for duration in [2.0, 4.0, 6.0, 8.0, 12.0] {
             let began = clock();
@@ -270,20 +279,20 @@ fn main() -> Outcome {
         .iter()
         .find_map(|argument| argument.parse().ok())
         .unwrap_or(100);
-    let parts: Vec<&str> = arguments
+    let (parts, names): (Vec<&str>, Vec<&str>) = arguments
         .iter()
         .map(String::as_str)
-        .filter(|a| a.parse::<usize>().is_err())
-        .collect();
+        .filter(|argument| argument.parse::<usize>().is_err())
+        .partition(|argument| PARTS.contains(argument));
     let wanted = |part: &str| parts.is_empty() || parts.contains(&part);
     if wanted("primitives") {
-        primitives()?;
+        primitives(&names)?;
     }
     if wanted("dynamics") {
-        dynamics()?;
+        dynamics(&names)?;
     }
     if wanted("two-tier") {
-        two_tier(count)?;
+        two_tier(count, &names)?;
     }
     if wanted("greedy") {
         greedy(count)?;

@@ -479,7 +479,7 @@ fn two_tier(suite: &mut Suite) -> Result<(), Error> {
     let case = "two-tier";
     let options = PrimitiveOptions::default();
     let sequences = random_sequences(suite.trials as usize, 5, 5.0, 1);
-    let longest = if suite.quick { 1 } else { 3 };
+    let longest = if suite.quick { 1 } else { 4 };
     let mut chart = cost_chart("Two-tier walks");
     let limits = Limits::default().with_min_rigidity(Some(MIN_RIGIDITY));
     for gait in PublishedGait::all(&limits)? {
