@@ -33,8 +33,10 @@ pub enum Loss {
 /// Cost: a run of direct form-finding for each element.
 pub fn losses(structure: &Structure, configuration: &Configuration) -> Vec<Option<Loss>> {
     let count = structure.elements.len();
-    let mut options = DirectOptions::default();
-    options.max_iterations = MAX_ITERATIONS;
+    let options = DirectOptions {
+        max_iterations: MAX_ITERATIONS,
+        ..DirectOptions::default()
+    };
     let start = &configuration.positions;
     let settle = |solver: &mut DirectSolver<'_>| {
         let form = solver.solve(start, &configuration.rest_lengths).ok()?;

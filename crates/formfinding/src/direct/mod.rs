@@ -405,10 +405,9 @@ impl<'a> DirectSolver<'a> {
                             value,
                         });
                     }
-                    for view in [Some(&mut self.held), self.floating.as_mut()] {
-                        if let Some(view) = view {
-                            view.energy.set_rest_length(e, value);
-                        }
+                    self.held.energy.set_rest_length(e, value);
+                    if let Some(floating) = &mut self.floating {
+                        floating.energy.set_rest_length(e, value);
                     }
                 }
             }
