@@ -129,9 +129,12 @@ pub struct TraceSetup<'a> {
     grounded: Grounded,
 }
 
+/// The manifold as it is owned.
+type Manifold = dyn EquilibriumManifold;
+
 /// Every quantity of every element.
 struct All<'a> {
-    manifold: &'a dyn EquilibriumManifold,
+    manifold: &'a Manifold,
 }
 
 /// Place of a quantity in the list of all.
@@ -204,7 +207,7 @@ impl<'a> TraceSetup<'a> {
     }
 
     /// The manifold that is followed.
-    pub fn manifold(&self) -> &dyn EquilibriumManifold {
+    pub fn manifold(&self) -> &Manifold {
         self.grounded.manifold.as_ref()
     }
 
@@ -251,8 +254,7 @@ impl<'a> TraceSetup<'a> {
     }
 }
 
-type Free<'a> =
-    Stable<'a, dyn EquilibriumManifold + 'a, FreeSpace<'a, dyn EquilibriumManifold + 'a>>;
+type Free<'a> = Stable<'a, Manifold, FreeSpace<'a, Manifold>>;
 
 /// Follows the equilibrium of a structure, one step at a time: what an
 /// interactive program moves.
@@ -263,9 +265,9 @@ type Free<'a> =
 /// along the way that the tracer came returns to where it was.
 pub struct Tracer<'a> {
     problem: &'a Problem,
-    manifold: &'a dyn EquilibriumManifold,
+    manifold: &'a Manifold,
     free: &'a Free<'a>,
-    inner: sampling::Tracer<'a, dyn EquilibriumManifold + 'a, Free<'a>, All<'a>>,
+    inner: sampling::Tracer<'a, Manifold, Free<'a>, All<'a>>,
 }
 
 impl Tracer<'_> {

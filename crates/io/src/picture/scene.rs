@@ -384,7 +384,12 @@ fn draw_footer(
 ) {
     let length = bar_length(0.3 * sheet.panel[0].min(420.0) / sheet.scale);
     let unit = options.unit.as_deref().unwrap_or("units of length");
-    let caption = format!("{} {unit}", significant(length, 3));
+    let figure = significant(length, 3);
+    let unit = match (figure.as_str(), unit.strip_prefix("units ")) {
+        ("1", Some(rest)) => format!("unit {rest}"),
+        _ => unit.to_owned(),
+    };
+    let caption = format!("{figure} {unit}");
     let pixels = length * sheet.scale;
     let half = 0.5 * pixels.max(width(&caption, SMALL));
     let middle = options.width - GAP - MARGIN - half;
