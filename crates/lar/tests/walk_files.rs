@@ -51,7 +51,7 @@ fn errors_say_where_and_what() {
             "[0.5, 0.3, 0.8]]",
             "[0.5, 0.3]]",
             5,
-            62,
+            61,
             "node 3 has 2 coordinates",
         ),
         (
