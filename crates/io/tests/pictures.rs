@@ -9,7 +9,7 @@ mod pictures;
 
 use std::sync::Arc;
 
-use resvg::usvg::{Group, Node, Options, Rect, Tree, fontdb::Database};
+use resvg::usvg::{Group, Node, Options, Tree, fontdb::Database};
 use tensegra_io::{
     Axis, Chart, PictureError, Quantity, Series, Units, draw_forces, draw_lengths, draw_paths,
     draw_snapshots,
@@ -26,18 +26,59 @@ fn parse(svg: &str) -> Tree {
     Tree::from_str(svg, &options).unwrap()
 }
 
-/// The texts of a drawing and the boxes around them, on the page.
-fn texts(group: &Group, found: &mut Vec<(String, Rect)>) {
+/// A text and the corners of its box, which is turned with it.
+struct Found {
+    text: String,
+    corners: [[f32; 2]; 4],
+}
+
+/// The texts of a drawing.
+fn texts(group: &Group, found: &mut Vec<Found>) {
     for node in group.children() {
         match node {
             Node::Group(group) => texts(group, found),
             Node::Text(text) => {
-                let content = text.chunks().iter().map(|chunk| chunk.text()).collect();
-                found.push((content, text.abs_bounding_box()));
+                let area = text.bounding_box();
+                // Boxes are as high as the font, letters are lower.
+                let (slack_x, slack_y) = (0.5, 2.5);
+                let (left, right) = (area.left() + slack_x, area.right() - slack_x);
+                let (top, bottom) = (area.top() + slack_y, area.bottom() - slack_y);
+                let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+                let turn = text.abs_transform();
+                found.push(Found {
+                    text: text.chunks().iter().map(|chunk| chunk.text()).collect(),
+                    corners: corners.map(|[x, y]| {
+                        [
+                            turn.sx * x + turn.kx * y + turn.tx,
+                            turn.ky * x + turn.sy * y + turn.ty,
+                        ]
+                    }),
+                });
             }
             _ => {}
         }
     }
+}
+
+/// Whether no side of either of two convex quadrilaterals separates them.
+fn meet(a: &[[f32; 2]; 4], b: &[[f32; 2]; 4]) -> bool {
+    let separates = |corners: &[[f32; 2]; 4]| {
+        (0..4).any(|i| {
+            let ([x, y], [u, v]) = (corners[i], corners[(i + 1) % 4]);
+            let along = |[s, t]: [f32; 2]| s * (y - v) + t * (u - x);
+            let range = |points: &[[f32; 2]; 4]| {
+                points
+                    .map(along)
+                    .iter()
+                    .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &value| {
+                        (low.min(value), high.max(value))
+                    })
+            };
+            let ((a_low, a_high), (b_low, b_high)) = (range(a), range(b));
+            a_high < b_low || b_high < a_low
+        })
+    };
+    !separates(a) && !separates(b)
 }
 
 #[test]
@@ -48,19 +89,18 @@ fn texts_stay_on_the_page_and_off_each_other() {
         let mut found = Vec::new();
         texts(tree.root(), &mut found);
         assert!(found.len() > 3, "{name}");
-        for (index, (text, a)) in found.iter().enumerate() {
-            let inside =
-                a.left() >= 0.0 && a.top() >= 0.0 && a.right() <= width && a.bottom() <= height;
-            assert!(inside, "{name}: `{text}` leaves the page: {a:?}");
-            for (other, b) in &found[..index] {
-                // Boxes are as high as the font, letters are lower; turned
-                // texts have boxes wider than themselves.
-                let [slack_x, slack_y] = [0.5, 2.5];
-                let meet = a.left() + slack_x < b.right() - slack_x
-                    && b.left() + slack_x < a.right() - slack_x
-                    && a.top() + slack_y < b.bottom() - slack_y
-                    && b.top() + slack_y < a.bottom() - slack_y;
-                assert!(!meet, "{name}: `{text}` lies on `{other}`: {a:?} {b:?}");
+        for (index, Found { text, corners }) in found.iter().enumerate() {
+            let inside = corners
+                .iter()
+                .all(|&[x, y]| (0.0..=width).contains(&x) && (0.0..=height).contains(&y));
+            assert!(inside, "{name}: `{text}` leaves the page: {corners:?}");
+            for other in &found[..index] {
+                assert!(
+                    !meet(corners, &other.corners),
+                    "{name}: `{text}` lies on `{}`: {corners:?} {:?}",
+                    other.text,
+                    other.corners
+                );
             }
         }
     }

@@ -593,7 +593,7 @@ impl Sheet {
             canvas.text(Label::new(&mark.label, label).size(SMALL));
             farthest = farthest.max(reach);
         }
-        let place = beyond(middle, TICK + 3.0 + farthest + 2.0 * GAP + 0.5 * TEXT);
+        let place = beyond(middle, TICK + 3.0 + farthest + GAP + 0.5 * TEXT);
         let mut angle = along[1].atan2(along[0]).to_degrees();
         // Never upside down; upright axes read upwards.
         if angle > 89.0 {
