@@ -48,7 +48,7 @@ fn the_least_stiffness_is_the_one_that_the_judge_finds() {
         let judged = report.figure(Check::Stability).unwrap().value;
         let found = rigidity.length_controlled.least().unwrap();
         assert!(
-            (found - judged).abs() < 1e-6 * judged.abs(),
+            (found - judged).abs() < 1e-6 * judged.abs() + 1e-12,
             "{name}: {found} {judged}"
         );
     }
@@ -60,7 +60,13 @@ fn the_six_bar_is_described_in_words_and_figures() {
     let statics = &description.rigidity;
     let least = statics.length_controlled.least().unwrap();
     assert!((least - 4.9958).abs() < 1e-3);
-    assert!(statics.super_stability.is_super_stable() && statics.buckling_factor.is_none());
+    assert!(
+        statics.super_stability.is_super_stable(),
+        "{:?}",
+        statics.super_stability
+    );
+    // Five times as much and more prestress: rest lengths would be negative.
+    assert!(statics.buckling_factor.is_none_or(|factor| factor > 5.0));
     assert_eq!(
         statics.critical_elements().len() + statics.dispensable_elements().len(),
         30

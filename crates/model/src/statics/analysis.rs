@@ -88,7 +88,7 @@ impl MatrixAnalysis {
                 rigid_motions,
             };
         }
-        let (left, singular_values, right) = decompose(matrix.matrix());
+        let (singular_values, right) = decompose(matrix.matrix());
         let largest = singular_values.first().copied().unwrap_or(0.0);
         let rank = singular_values
             .iter()
@@ -98,9 +98,12 @@ impl MatrixAnalysis {
         // What forces can balance, and rigid motions; these are orthogonal, but
         // for rounding.
         let mut others = DMatrix::zeros(n, rank + rigid_motions.ncols());
-        others
-            .columns_mut(0, rank)
-            .copy_from(&left.columns(0, rank));
+        for (i, value) in singular_values[..rank].iter().enumerate() {
+            // Not the left singular vectors, which lose digits where values repeat, as they
+            // do in symmetric structures.
+            let balanced = matrix.matrix() * right.column(i) / *value;
+            others.set_column(i, &balanced);
+        }
         others
             .columns_mut(rank, rigid_motions.ncols())
             .copy_from(&rigid_motions);
@@ -129,19 +132,17 @@ impl MatrixAnalysis {
     }
 }
 
-/// Left singular vectors, singular values in descending order, right singular
-/// vectors; thin.
-fn decompose(matrix: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>, DMatrix<f64>) {
-    let svd = matrix.clone().svd(true, true);
+/// Singular values in descending order, right singular vectors; thin.
+fn decompose(matrix: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
+    let svd = matrix.clone().svd(false, true);
     let values = svd.singular_values;
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&i, &j| values[j].total_cmp(&values[i]));
-    // Both are there because they were asked for.
-    let left = svd.u.unwrap_or_default().select_columns(&order);
+    // They are there because they were asked for.
     let right = svd
         .v_t
         .unwrap_or_default()
         .transpose()
         .select_columns(&order);
-    (left, order.iter().map(|&i| values[i]).collect(), right)
+    (order.iter().map(|&i| values[i]).collect(), right)
 }
