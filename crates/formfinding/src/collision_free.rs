@@ -558,11 +558,14 @@ impl<'f, 'a> Search<'f, 'a> {
             }
             let (constraint, unit) = self.frame.describe(row);
             sum += violation;
-            unmet.push(Unmet {
-                constraint,
-                group: of,
-                violation: violation * unit,
-            });
+            unmet.push((
+                violation,
+                Unmet {
+                    constraint,
+                    group: of,
+                    violation: violation * unit,
+                },
+            ));
         }
         let manifold = self.frame.manifold;
         for variable in 0..x.len() {
@@ -576,13 +579,18 @@ impl<'f, 'a> Search<'f, 'a> {
                 return None;
             }
             sum += violation;
-            unmet.push(Unmet {
-                constraint: self.frame.describe_variable(variable),
-                group: Group::Ranges,
+            unmet.push((
                 violation,
-            });
+                Unmet {
+                    constraint: self.frame.describe_variable(variable),
+                    group: Group::Ranges,
+                    violation,
+                },
+            ));
         }
-        unmet.sort_by(|a, b| b.violation.total_cmp(&a.violation));
+        // By their size in the manifold's units: metres and newtons do not compare.
+        unmet.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let unmet: Vec<Unmet> = unmet.into_iter().map(|(_, unmet)| unmet).collect();
         (group.is_none() || !unmet.is_empty()).then_some((sum, unmet))
     }
 }
