@@ -5,7 +5,7 @@ use tensegra_atlas::{ManifoldError, project};
 use tensegra_check::{CheckOptions, Report, check_path};
 use tensegra_model::{
     BodyError, DirectionsManifold, EquilibriumError, EquilibriumManifold, FreeSpace, NodesManifold,
-    Path, Problem, control_effort, path_length,
+    Path, Problem, Stability, control_effort, path_length,
 };
 use tensegra_sampling::{
     Observer, ShortcutOptions, Shortcutter, SmoothError, SmoothObserver, Smoother, SmootherOptions,
@@ -106,6 +106,12 @@ pub enum SmoothingError {
         /// What the projection says.
         error: ManifoldError,
     },
+    /// The problem demands stability.
+    #[error(
+        "the problem demands stable equilibria, which smoothing does not keep: smooth without the \
+         demand, or take the path as planned"
+    )]
+    Stability,
     /// The path cannot be moved.
     #[error(transparent)]
     Smoother(#[from] SmoothError),
@@ -120,7 +126,7 @@ pub enum SmoothingError {
 ///
 /// # Errors
 /// [`SmoothingError`]: the path does not fit the problem or is not in
-/// equilibrium, or the observer cancelled.
+/// equilibrium, the problem demands stability, or the observer cancelled.
 pub fn smooth(
     problem: &Problem,
     path: &Path,
@@ -128,6 +134,9 @@ pub fn smooth(
     observer: &mut dyn SmoothObserver,
 ) -> Result<Smoothing, SmoothingError> {
     let clock = ThreadTime::now();
+    if problem.settings.least_stiffness.is_some() {
+        return Err(SmoothingError::Stability);
+    }
     let structure = &problem.structure;
     let first = path.configurations.first().ok_or(SmoothingError::Empty)?;
     for (index, configuration) in path.configurations.iter().enumerate() {
@@ -233,7 +242,8 @@ pub fn smooth(
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct SmoothedPlan {
-    /// The plan whose smoothed path costs least.
+    /// The plan whose smoothed path costs least; its least stiffness is that of
+    /// the smoothed path.
     pub plan: Plan,
     /// What smoothing made of it.
     pub smoothing: Smoothing,
@@ -270,10 +280,12 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
         seeded.seed = problem.seed.wrapping_add(index.wrapping_mul(SEED_STRIDE));
         let mut options = options.clone();
         options.shortcut.seed = seeded.seed;
-        let outcome = plan(&seeded, observer).and_then(|plan| {
+        let outcome = plan(&seeded, observer).and_then(|mut plan| {
             planning_seconds += plan.planning_seconds;
             let smoothing = smooth(&seeded, &plan.path, &options, observer)?;
             smoothing_seconds += smoothing.seconds;
+            let stability = Stability::new(&problem.structure, problem.settings.actuation);
+            plan.least_stiffness = stability.least_along(&smoothing.path);
             Ok((plan, smoothing))
         });
         match outcome {
