@@ -12,6 +12,8 @@
 //! superlinearly convergent. Where that contracts poorly it falls back to
 //! Newton's method in the same normal space.
 
+mod recenter;
+
 use crate::{
     error::ManifoldError,
     manifold::{ImplicitManifold, SparseRow, SparsityPattern},
@@ -139,6 +141,17 @@ impl Chart {
     /// coordinates of that variable's gradient.
     pub fn variable(&self, variable: usize) -> &[f64] {
         &self.basis_by_variable[variable * self.dimension..(variable + 1) * self.dimension]
+    }
+
+    /// The multipliers y with Jᵀ y nearest to `w`, J being the Jacobian at the
+    /// centre that the pseudo-inverse belongs to: y = J⁺ᵀ w, zero for equations
+    /// that depend on others (n values). Cost: m r.
+    pub fn multipliers(&self, w: &[f64], y: &mut [f64]) {
+        y.fill(0.0);
+        let columns = self.pseudo_inverse.chunks_exact(self.center.len());
+        for (&row, column) in self.rows.iter().zip(columns) {
+            y[row as usize] = dot(column, w);
+        }
     }
 
     /// Logarithmic map: tangent coordinates t = Φᵀ (x − x_c). Cost: k m.

@@ -8,6 +8,7 @@
 
 mod atlas;
 mod chart;
+mod contacts;
 mod continuation;
 pub mod doc;
 mod error;
@@ -19,6 +20,7 @@ mod validity;
 
 pub use atlas::{Atlas, ChartDomain, Cut};
 pub use chart::{Chart, ProjectionFailed, Workspace};
+pub use contacts::{ContactRow, Contacts};
 pub use continuation::{
     BilliardWalk, Border, ComponentAtlas, Continuation, ContinuationError, ContinuationOptions,
     Corner, Exploration, OutlinePoint, Route, RouteError, RouteOptions,

@@ -1,7 +1,7 @@
 //! What else must hold on a manifold: the test of a step, and contacts as
 //! inequalities that a branch can slide along.
 
-use crate::manifold::SparseRow;
+use crate::{contacts::Contacts, manifold::SparseRow};
 
 /// What obstructs a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +66,31 @@ pub trait Validity: Sync {
     fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {
         let _ = (contact, x, row);
         None
+    }
+
+    /// Appends to `found` all contacts whose values at x are below `reach`, with
+    /// their gradients: what an optimiser of paths needs to keep clear. Values
+    /// are those of [`Validity::contact`]. `memory` serves as scratch.
+    ///
+    /// Without contacts, the default, an optimiser sees no obstacles and can
+    /// only reject what [`Validity::is_clear`] refuses.
+    fn contacts(&self, x: &[f64], memory: &mut Self::Memory, reach: f64, found: &mut Contacts) {
+        let _ = (x, memory, reach, found);
+    }
+
+    /// Whether the motion between two points, a step apart, is valid
+    /// throughout. May be sharper, and dearer, than [`Validity::step`], which is
+    /// the default: it judges finished paths.
+    fn is_clear(
+        &self,
+        a: &[f64],
+        b: &[f64],
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+    ) -> bool {
+        let (mut from, mut to) = (self.memory(), self.memory());
+        self.enter(a, &mut from);
+        self.step(&from, b, &mut to, between, &mut Vec::new())
+            .is_ok()
     }
 
     /// How far apart two points are for the purposes of a path's resolution:

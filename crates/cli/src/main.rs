@@ -18,6 +18,7 @@ use clap::{Parser, Subcommand};
 #[command(after_help = "Examples:\n  \
     tensegra plan fixtures/kite.toml                  plan, check, write out/kite/\n  \
     tensegra info fixtures/kite.toml                  what the structure is\n  \
+    tensegra smooth out/kite/path.json                shorten it, least effort\n  \
     tensegra walk fixtures/lar/two-tier-s.toml        walk a truss robot, check, write\n  \
     tensegra formfind fixtures/formfinding/prism.toml  find a stable shape\n  \
     tensegra check out/kite/path.json                 judge a path or walk again\n  \
@@ -35,6 +36,7 @@ enum Command {
     Plan(commands::plan::Arguments),
     Walk(commands::walk::Arguments),
     Formfind(commands::formfind::Arguments),
+    Smooth(commands::smooth::Arguments),
     Check(commands::check::Arguments),
     Trace(commands::trace::Arguments),
     Atlas(commands::atlas::Arguments),
@@ -46,6 +48,7 @@ fn main() -> ExitCode {
         Command::Plan(arguments) => commands::plan::run(&arguments),
         Command::Walk(arguments) => commands::walk::run(&arguments),
         Command::Formfind(arguments) => commands::formfind::run(&arguments),
+        Command::Smooth(arguments) => commands::smooth::run(&arguments),
         Command::Check(arguments) => commands::check::run(&arguments),
         Command::Trace(arguments) => commands::trace::run(&arguments),
         Command::Atlas(arguments) => commands::atlas::run(&arguments),

@@ -4,7 +4,10 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use tensegra::prelude::{Observer, Progress};
+use tensegra::{
+    prelude::{Observer, Progress},
+    sampling::{SmoothObserver, SmoothProgress},
+};
 
 /// A spinner that shows how far planning has come.
 pub struct Spinner {
@@ -58,6 +61,22 @@ impl Observer for Spinner {
             bar.set_message(format!(
                 "{:.1} s, {} charts, {} nodes",
                 progress.seconds, progress.charts, progress.nodes
+            ));
+            bar.tick();
+        }
+        true
+    }
+}
+
+impl SmoothObserver for Spinner {
+    fn progress(&mut self, progress: &SmoothProgress) -> bool {
+        if let Some(bar) = &self.bar
+            && self.shown.elapsed() > Duration::from_millis(100)
+        {
+            self.shown = Instant::now();
+            bar.set_message(format!(
+                "smoothing, {:.1} s, {} iterations, length {:.3}, optimality {:.1e}",
+                progress.seconds, progress.iterations, progress.length, progress.optimality
             ));
             bar.tick();
         }

@@ -12,6 +12,8 @@
 //! Cost: the length is O(elements) a point, the effort a factorisation of the
 //! Jacobian a point.
 
+mod gradient;
+
 use tensegra_atlas::{Chart, ImplicitManifold, ManifoldError, Workspace, dimension};
 
 use crate::{
@@ -225,6 +227,90 @@ mod tests {
         assert!((there - back + 4.0 * gain).abs() < 1e-2 * gain.abs());
         let length = manifold.path_length(&points);
         assert!(there + back > 2.0 * length);
+    }
+
+    /// The same square of elastic elements alone: telescopic struts whose rest
+    /// lengths motors change, and springs.
+    fn elastic_square() -> (Structure, Configuration) {
+        let (_, mut configuration) = square();
+        let (side, tension) = (0.5_f64.sqrt(), 0.125_f64.sqrt());
+        let builder = StructureBuilder::planar()
+            .prismatic("s1", ["n1", "n2"], 0.5..=1.5, 2.0, 0.0..=3.0)
+            .prismatic("s2", ["n3", "n4"], 0.5..=1.5, 2.0, 0.0..=3.0);
+        let structure = [
+            ("c1", ["n1", "n3"]),
+            ("c2", ["n2", "n3"]),
+            ("c3", ["n1", "n4"]),
+            ("c4", ["n2", "n4"]),
+        ]
+        .into_iter()
+        .fold(builder, |builder, (name, nodes)| {
+            builder.spring(name, nodes, 0.0..=3.0, 1.0, side - tension)
+        })
+        .free_flying([3.0, 3.0, 0.0])
+        .pretension(None)
+        .build()
+        .unwrap();
+        configuration.rest_lengths = vec![None; 6];
+        (structure, configuration)
+    }
+
+    /// The gradient of C against differences of C between points of the manifold
+    /// on both sides of each point of a path.
+    fn assert_gradient_agrees(structure: &Structure, configuration: &Configuration) {
+        let manifold = DirectionsManifold::new(structure).unwrap();
+        let mut start = manifold.coordinates(configuration);
+        tensegra_atlas::project(&manifold, &mut start, 1e-13, 30).unwrap();
+        let k = dimension(&manifold, &start);
+        let mut work = Workspace::default();
+        let chart = Chart::new(&manifold, &start, k, &mut work).unwrap();
+        let points: Vec<Vec<f64>> = (0..6)
+            .map(|i| {
+                let t: Vec<f64> = (1..=k)
+                    .map(|j| 0.03 * (f64::from(i) + 0.4) * ((i + 1) as f64 * j as f64).sin())
+                    .collect();
+                let mut x = vec![0.0; start.len()];
+                chart.exp(&manifold, &t, &mut x, 1e-14, &mut work).unwrap();
+                x
+            })
+            .collect();
+        let gradient = manifold.control_effort_gradient(&points).unwrap();
+        let mut largest = 0.0_f64;
+        for i in 0..points.len() {
+            let here = Chart::new(&manifold, &points[i], k, &mut work).unwrap();
+            for j in 0..k {
+                let mut effort = |h: f64| {
+                    let mut t = vec![0.0; k];
+                    t[j] = h;
+                    let mut moved = points.clone();
+                    here.exp(&manifold, &t, &mut moved[i], 1e-14, &mut work)
+                        .unwrap();
+                    manifold.control_effort(&moved).unwrap()
+                };
+                let h = 1e-5;
+                let difference = (effort(h) - effort(-h)) / (2.0 * h);
+                let found = dot(here.tangent(j), &gradient[i]);
+                assert!(
+                    (difference - found).abs() < 1e-6 * (1.0 + difference.abs()),
+                    "point {i}, direction {j}: {difference} {found}"
+                );
+                largest = largest.max(found.abs());
+            }
+        }
+        // Of the length alone the gradient would be another.
+        assert!(largest > 0.1);
+    }
+
+    #[test]
+    fn the_gradient_agrees_with_differences_where_struts_are_rigid() {
+        let (structure, configuration) = square();
+        assert_gradient_agrees(&structure, &configuration);
+    }
+
+    #[test]
+    fn the_gradient_agrees_with_differences_where_all_elements_are_elastic() {
+        let (structure, configuration) = elastic_square();
+        assert_gradient_agrees(&structure, &configuration);
     }
 
     #[test]

@@ -12,8 +12,10 @@
 //! Cost of a step: one comparison for each pair, and a distance for those few
 //! whose bound is used up.
 
+mod contacts;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use tensegra_atlas::{Obstruction, SparseRow, Validity};
+use tensegra_atlas::{Contacts, Obstruction, SparseRow, Validity};
 use tensegra_collision::{
     Capsule, Contact, Solid, capsule_capsule, capsule_solid, capsule_solid_posed, solid_solid,
     swept,
@@ -620,6 +622,18 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
     ) -> Option<f64> {
         let pair = &self.scene.pairs[contact];
         let found = self.scene.contact(pair, state);
+        self.contact_gradients(pair, &found, state, gradients)?;
+        Some(found.clearance)
+    }
+
+    /// Gradients of the clearance of a pair at the given witnesses.
+    fn contact_gradients(
+        &self,
+        pair: &Pair,
+        found: &Contact,
+        state: &State,
+        gradients: &mut Vec<(usize, Vector3<f64>)>,
+    ) -> Option<()> {
         let n = found.normal;
         if !found.clearance.is_finite() || n.norm_squared() == 0.0 {
             return None;
@@ -644,7 +658,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
                 self.attached_gradients(r, &found.on_b, -n, state, gradients)?;
             }
         }
-        Some(found.clearance)
+        Some(())
     }
 
     /// Gradients of nᵀ x for the point x at the fraction s of a capsule's axis.
@@ -916,6 +930,19 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
         }
         self.manifold.pull_back(x, &gradients, row);
         Some((clearance - self.least) / self.size)
+    }
+
+    fn contacts(&self, x: &[f64], memory: &mut Memory, reach: f64, found: &mut Contacts) {
+        self.find_contacts(x, memory, reach, found);
+    }
+
+    fn is_clear(
+        &self,
+        a: &[f64],
+        b: &[f64],
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+    ) -> bool {
+        self.is_clear_throughout(a, b, between)
     }
 
     fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {

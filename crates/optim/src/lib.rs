@@ -13,6 +13,7 @@
 //! | | | [`PenaltyMethod`] | a rough solution from a poor start |
 //! | c(x) within its bounds, near a given x | [`Nlp`] | [`restore_feasibility`] | polishing |
 //! | min ½xᵀHx + gᵀx, l ≤ Ax ≤ u, x_l ≤ x ≤ x_u | [`DenseQp`] | [`DenseQpSolver`] | H positive definite, few variables |
+//! | the same over a chain of blocks, with priced rows | [`BlockTridiagonalQp`] | [`BlockTridiagonalQpSolver`] | whole paths: cost linear in the number of points |
 //!
 //! All functions are of real vectors and deterministic: the same problem and start give the same
 //! result, bit by bit.
@@ -34,6 +35,7 @@
 //!
 //! A solver object keeps its memory between solves; use one for a sequence of similar problems.
 
+mod block_tridiagonal_qp;
 mod dense_qp;
 mod error;
 mod feasibility;
@@ -50,6 +52,10 @@ mod vector;
 /// The version of nalgebra whose matrices appear in this crate's interface.
 pub use nalgebra;
 
+pub use block_tridiagonal_qp::{
+    BlockTridiagonalQp, BlockTridiagonalQpError, BlockTridiagonalQpReport,
+    BlockTridiagonalQpSolver, BlockTridiagonalQpStatus,
+};
 pub use dense_qp::{
     ActiveConstraint, DenseQp, DenseQpError, DenseQpReport, DenseQpSolver, QpConstraint, QpStatus,
     Side,

@@ -11,11 +11,18 @@
 mod atlas_rrt;
 mod options;
 mod plan;
+mod shortcut;
 mod slide;
+mod smooth;
 mod trace;
 mod tree;
+mod walk;
 
 pub use atlas_rrt::AtlasRrt;
 pub use options::{PlannerOptions, SampleRadius};
 pub use plan::{Failure, Observer, Plan, PlanError, Progress, Statistics, StopCounts};
+pub use shortcut::{ShortcutOptions, Shortcutter, Shortened};
+pub use smooth::{
+    SmoothError, SmoothObserver, SmoothProgress, Smoothed, Smoother, SmootherOptions,
+};
 pub use trace::{Advance, Limit, Quantities, Stop, TraceOptions, Tracer};

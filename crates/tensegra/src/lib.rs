@@ -33,6 +33,7 @@ mod forms;
 mod planning;
 mod quantity;
 mod rigidity;
+mod smoothing;
 mod tracing;
 mod walking;
 
@@ -44,12 +45,15 @@ pub use forms::{FormOptions, JudgedForms, find_endpoints, formfind};
 pub use planning::{Plan, PlanningError, equilibrium_manifold, plan};
 pub use quantity::{QuantityError, Shade, parse_quantity, three_quantities};
 pub use rigidity::Rigidity;
+pub use smoothing::{
+    SmoothedPlan, Smoothing, SmoothingError, SmoothingOptions, plan_and_smooth, smooth,
+};
 pub use tracing::{Motion, Trace, TraceError, TraceSetup, TraceStep, TraceStop, Tracer, trace};
 pub use walking::{is_bad_input, plan_walk, read_walk_problem, simulate_walk};
 
 /// What most programs need.
 pub mod prelude {
-    pub use crate::{Plan, PlanningError, plan};
+    pub use crate::{Plan, PlanningError, SmoothingOptions, plan, smooth};
     pub use tensegra_check::{CheckOptions, check_path};
     pub use tensegra_model::{
         Configuration, Environment, Formulation, Path, Problem, Structure, StructureBuilder,

@@ -113,6 +113,9 @@ pub enum PlanningError {
         /// Dimension stated.
         stated: usize,
     },
+    /// A path was found and could not be smoothed.
+    #[error(transparent)]
+    Smoothing(#[from] crate::smoothing::SmoothingError),
     /// The planner refused an endpoint or found no path.
     #[error(transparent)]
     Planner(#[from] PlanError),

@@ -7,6 +7,7 @@ mod implicit;
 mod lar;
 mod manifold;
 mod scaling;
+mod smoothing;
 
 use std::{fs, path::PathBuf};
 
@@ -123,6 +124,8 @@ enum Suite {
     Formfinding,
     /// Atlases of whole components of equilibrium manifolds
     Atlas,
+    /// Control effort of planned and smoothed paths
+    Smoothing,
 }
 
 impl Suite {
@@ -133,6 +136,7 @@ impl Suite {
             Self::Lar => "lar",
             Self::Formfinding => "formfinding",
             Self::Atlas => "atlas",
+            Self::Smoothing => "smoothing",
         }
     }
 
@@ -143,6 +147,7 @@ impl Suite {
             Self::Lar => lar::measure(arguments),
             Self::Formfinding => formfinding::measure(arguments),
             Self::Atlas => atlas::measure(arguments),
+            Self::Smoothing => smoothing::measure(arguments),
         }
     }
 }

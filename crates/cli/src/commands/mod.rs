@@ -1,11 +1,13 @@
 //! The verbs of the program.
 
 pub mod atlas;
+mod axes;
 pub mod check;
 pub mod formfind;
 pub mod info;
 pub mod plan;
 pub mod rest_lengths;
+pub mod smooth;
 pub mod trace;
 pub mod walk;
 

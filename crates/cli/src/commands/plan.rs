@@ -6,20 +6,23 @@ use std::time::Instant;
 use clap::ValueEnum;
 use serde_json::{Value, json};
 use tensegra::{
-    Plan, PlanningError,
+    Plan, PlanningError, SmoothedPlan, Smoothing, SmoothingOptions,
     check::{Check, CheckOptions, Report, check_path},
     io::{
         LogOptions, PathFile, Picture, Quantity, Units, draw_configuration, draw_forces,
         draw_paths, draw_snapshots, write_log, write_path_file,
     },
-    model::{ElementKind, PlannerKind, Problem, SamplingRadius},
+    model::{self, PlannerKind, Problem, SamplingRadius},
     sampling::{Statistics, StopCounts},
 };
 
 use super::{
-    Formulation, PNG_SCALE, StabilityArguments, formulation_name, json_failure, parse_seconds,
-    parse_seeds, print_json, print_written, read_problem, require_writable, stiffness_json,
-    stiffness_text,
+    Formulation, PNG_SCALE, StabilityArguments,
+    axes::{parse_axes, three_lengths},
+    formulation_name, json_failure, parse_seconds, parse_seeds, print_json, print_written,
+    read_problem, require_writable,
+    smooth::{add_json, draw_before_and_after, print},
+    stiffness_json, stiffness_text,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -36,6 +39,7 @@ const SNAPSHOTS: usize = 4;
     tensegra plan fixtures/kite.toml\n  \
     tensegra plan fixtures/kite.toml --seed 7 --formulation directions --out /tmp/kite\n  \
     tensegra plan fixtures/kite.toml --seeds 1..20 --json\n  \
+    tensegra plan fixtures/free_flying.toml --smooth --plans 6\n  \
     tensegra plan fixtures/tower.toml --stable=0.01\n\n\
     Exit status: 0 solved and accepted by the judge, 1 not, 2 bad input.")]
 pub struct Arguments {
@@ -66,6 +70,18 @@ pub struct Arguments {
     time_limit: Option<f64>,
     #[command(flatten)]
     stability: StabilityArguments,
+    /// Smooth the path: shortcuts, then the path of least control effort near it.
+    #[arg(long, conflicts_with = "stable")]
+    smooth: bool,
+    /// Plan K times with seeds that follow from the first, smooth every path, and
+    /// keep the one of least control effort.
+    #[arg(long, value_name = "K", conflicts_with = "stable", value_parser = clap::value_parser!(u32).range(1..))]
+    plans: Option<u32>,
+    /// Axes of the picture of the path: three of length:ELEMENT,
+    /// rest:ELEMENT, force:ELEMENT, x:NODE, y:NODE, z:NODE [default: the lengths
+    /// of the first three cables].
+    #[arg(long, value_name = "A,B,C")]
+    axes: Option<String>,
     /// Output folder [default: out/NAME].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -101,10 +117,22 @@ struct Outcome {
 
 struct Solved {
     plan: Plan,
+    /// The path before smoothing, and the figures.
+    smoothed: Option<Smoothed>,
     report: Report,
     check_seconds: f64,
     write_seconds: f64,
     files: Vec<PathBuf>,
+}
+
+/// What became of the path found.
+struct Smoothed {
+    before: model::Path,
+    smoothing: Smoothing,
+    /// Efforts of all plans.
+    efforts: Vec<Option<f64>>,
+    planning_seconds: f64,
+    smoothing_seconds: f64,
 }
 
 /// Runs the verb.
@@ -154,6 +182,16 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         .clone()
         .unwrap_or_else(|| Path::new("out").join(&problem.name));
     require_writable(&out)?;
+    let request = Request {
+        plans: match arguments.plans {
+            Some(plans) => Some(plans as usize),
+            None => arguments.smooth.then_some(1),
+        },
+        axes: match &arguments.axes {
+            Some(text) => Some(parse_axes(text, &problem.structure)?),
+            None => three_lengths(&problem),
+        },
+    };
     let (first, last) = arguments
         .seeds
         .unwrap_or_else(|| (arguments.seed.unwrap_or(problem.seed), problem.seed));
@@ -169,22 +207,60 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
                 Some(_) => (out.join(format!("seed-{seed}")), false),
                 None => (out.clone(), true),
             };
-            plan_one(&problem, &folder, pictures)
+            plan_one(&problem, &request, &folder, pictures)
         })
         .collect()
 }
 
-fn plan_one(problem: &Problem, folder: &Path, pictures: bool) -> Result<Outcome, Failure> {
+/// What is to be done besides planning.
+struct Request {
+    /// How many plans are smoothed, if at all.
+    plans: Option<usize>,
+    /// Axes of the picture of the path.
+    axes: Option<[Quantity; 3]>,
+}
+
+/// Plans, and smooths where asked to.
+fn find(problem: &Problem, request: &Request) -> Result<(Plan, Option<Smoothed>), PlanningError> {
     let mut spinner = Spinner::new(&format!("planning {}, seed {}", problem.name, problem.seed));
-    let found = match tensegra::find_endpoints(problem) {
-        Ok(found) => found,
+    let Some(plans) = request.plans else {
+        return Ok((tensegra::plan(problem, &mut spinner)?, None));
+    };
+    let options = SmoothingOptions::of(problem);
+    let SmoothedPlan {
+        mut plan,
+        smoothing,
+        efforts,
+        planning_seconds,
+        smoothing_seconds,
+        ..
+    } = tensegra::plan_and_smooth(problem, plans, &options, &mut spinner)?;
+    let before = std::mem::replace(&mut plan.path, smoothing.path.clone());
+    plan.path_length = smoothing.path_length;
+    plan.control_effort = smoothing.control_effort;
+    let smoothed = Smoothed {
+        before,
+        smoothing,
+        efforts,
+        planning_seconds,
+        smoothing_seconds,
+    };
+    Ok((plan, Some(smoothed)))
+}
+
+fn plan_one(
+    problem: &Problem,
+    request: &Request,
+    folder: &Path,
+    pictures: bool,
+) -> Result<Outcome, Failure> {
+    let complete = match tensegra::find_endpoints(problem) {
+        Ok(complete) => complete,
         Err(error) => return Err(Failure::message(PlanningError::from(error))),
     };
-    let problem = found.as_ref();
-    let result = tensegra::plan(problem, &mut spinner);
-    drop(spinner);
-    let plan = match result {
-        Ok(plan) => plan,
+    let problem = complete.as_ref();
+    let (plan, smoothed) = match find(problem, request) {
+        Ok(found) => found,
         Err(error) => match error.statistics().copied() {
             Some(statistics) => {
                 return Ok(Outcome {
@@ -199,15 +275,16 @@ fn plan_one(problem: &Problem, folder: &Path, pictures: bool) -> Result<Outcome,
     let report = check_path(problem, &plan.path, &CheckOptions::default());
     let check_seconds = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    let files = write(problem, &plan, &report, folder, pictures)?;
-    let write_seconds = clock.elapsed().as_secs_f64();
-    let solved = Solved {
+    let mut solved = Solved {
         plan,
+        smoothed,
         report,
         check_seconds,
-        write_seconds,
-        files,
+        write_seconds: 0.0,
+        files: Vec::new(),
     };
+    solved.files = write(problem, &solved, request.axes, folder, pictures)?;
+    solved.write_seconds = clock.elapsed().as_secs_f64();
     Ok(Outcome {
         seed: problem.seed,
         result: Ok(solved),
@@ -217,15 +294,19 @@ fn plan_one(problem: &Problem, folder: &Path, pictures: bool) -> Result<Outcome,
 /// Writes path, log and pictures; returns their names, the path first.
 fn write(
     problem: &Problem,
-    plan: &Plan,
-    report: &Report,
+    solved: &Solved,
+    axes: Option<[Quantity; 3]>,
     folder: &Path,
     pictures: bool,
 ) -> Result<Vec<PathBuf>, Failure> {
+    let plan = &solved.plan;
     let mut files = vec![folder.join("path.json"), folder.join("path.mcap")];
     let mut contents = PathFile::new(problem, plan.path.clone());
     contents.statistics = statistics_json(&plan.statistics, plan.planning_seconds);
-    contents.check = json!(report);
+    if let Some(smoothed) = &solved.smoothed {
+        add_json(&mut contents.statistics, &smoothed.smoothing);
+    }
+    contents.check = json!(solved.report);
     write_path_file(&files[0], &contents).map_err(Failure::message)?;
     write_log(&files[1], problem, &plan.path, &LogOptions::default()).map_err(Failure::message)?;
     if !pictures {
@@ -257,9 +338,17 @@ fn write(
         draw_snapshots(structure, environment, &plan.path, SNAPSHOTS, &units),
     )?;
     draw("forces", draw_forces(structure, &plan.path, &units))?;
-    if let Some(quantities) = three_lengths(problem) {
-        let paths = [("path", &plan.path)];
-        draw("lengths", draw_paths(structure, &paths, quantities, &units))?;
+    if let Some(axes) = axes {
+        match &solved.smoothed {
+            Some(Smoothed { before, .. }) => {
+                let (name, picture) = draw_before_and_after(problem, before, &plan.path, axes);
+                draw(name, picture)?;
+            }
+            None => {
+                let paths = [("path", &plan.path)];
+                draw("lengths", draw_paths(structure, &paths, axes, &units))?;
+            }
+        }
     }
     for (name, picture) in &drawn {
         let (svg, png) = (
@@ -273,20 +362,6 @@ fn write(
         files.extend([svg, png]);
     }
     Ok(files)
-}
-
-/// The first three cables (or, where there are fewer, elements) whose lengths
-/// vary.
-fn three_lengths(problem: &Problem) -> Option<[Quantity; 3]> {
-    let elements = &problem.structure.elements;
-    let mut varying: Vec<usize> = (0..elements.len())
-        .filter(|&e| !elements[e].has_constant_length())
-        .collect();
-    varying.sort_by_key(|&e| elements[e].kind != ElementKind::Cable);
-    match varying[..] {
-        [a, b, c, ..] => Some([a, b, c].map(Quantity::Length)),
-        _ => None,
-    }
 }
 
 fn statistics_json(s: &Statistics, planning_seconds: f64) -> Value {
@@ -323,7 +398,7 @@ fn as_json(outcome: &Outcome) -> Value {
     match &outcome.result {
         Ok(solved) => {
             let plan = &solved.plan;
-            json!({
+            let mut value = json!({
                 "solved": true,
                 "seed": outcome.seed,
                 "formulation": formulation_name(plan.formulation),
@@ -339,7 +414,15 @@ fn as_json(outcome: &Outcome) -> Value {
                 "files": solved.files,
                 "statistics": statistics_json(&plan.statistics, plan.planning_seconds),
                 "check": solved.report,
-            })
+            });
+            if let Some(smoothed) = &solved.smoothed {
+                add_json(&mut value, &smoothed.smoothing);
+                value["plans"] = json!(smoothed.efforts.len());
+                value["control_effort_of_plans"] = json!(smoothed.efforts);
+                value["planning_seconds"] = json!(smoothed.planning_seconds);
+                value["smoothing_seconds"] = json!(smoothed.smoothing_seconds);
+            }
+            value
         }
         Err((error, statistics)) => json!({
             "solved": false,
@@ -378,12 +461,15 @@ fn print_solved(seed: u64, solved: &Solved) {
         plan.preparation_seconds, plan.planning_seconds, solved.check_seconds, solved.write_seconds
     );
     print_statistics(&plan.statistics);
-    println!(
-        "path               {} configurations, length {:.4}, control effort {}",
-        plan.path.configurations.len(),
-        plan.path_length,
-        effort_text(plan)
-    );
+    match &solved.smoothed {
+        Some(smoothed) => print_smoothed(smoothed),
+        None => println!(
+            "path               {} configurations, length {:.4}, control effort {}",
+            plan.path.configurations.len(),
+            plan.path_length,
+            effort_text(plan)
+        ),
+    }
     for (label, check) in [
         ("clearance", Check::Clearance),
         ("  between samples", Check::ClearanceBetween),
@@ -410,6 +496,23 @@ fn print_solved(seed: u64, solved: &Solved) {
         }
     }
     print_written(&solved.files);
+}
+
+fn print_smoothed(smoothed: &Smoothed) {
+    print(&smoothed.smoothing);
+    if smoothed.efforts.len() > 1 {
+        let efforts: Vec<String> = smoothed
+            .efforts
+            .iter()
+            .map(|effort| effort.map_or_else(|| "-".to_owned(), |c| format!("{c:.3}")))
+            .collect();
+        println!(
+            "best of plans      {}; {:.4} s of planning, {:.3} s of smoothing",
+            efforts.join(", "),
+            smoothed.planning_seconds,
+            smoothed.smoothing_seconds
+        );
+    }
 }
 
 fn effort_text(plan: &Plan) -> String {

@@ -231,7 +231,20 @@ fn bounds(
             ranges[i].lo = shortest;
         }
     }
-    let mut bounds = vec![Interval::new(f64::NEG_INFINITY, f64::INFINITY); kept.len()];
+    // What the equations imply by themselves is no bound: a direction may turn
+    // through its extreme values, where the gradient of such a bound vanishes and
+    // its linearisation would be a wall.
+    let everything = Interval::new(f64::NEG_INFINITY, f64::INFINITY);
+    let elements = layout.elements.iter().map(|e| e.direction);
+    let frames = layout
+        .frames
+        .iter()
+        .flat_map(|f| f.axes.into_iter().chain([f.origin]));
+    let loose = layout.loose_nodes.iter().map(|(_, position)| *position);
+    for i in elements.chain(frames).chain(loose).flatten() {
+        ranges[i] = everything;
+    }
+    let mut bounds = vec![everything; kept.len()];
     for ((variable, range), value) in variables.iter().zip(ranges).zip(values) {
         match value.variable {
             Some((i, scale)) => {

@@ -1,0 +1,278 @@
+//! The path that is smoothed: points with their charts, and its mesh.
+
+use tensegra_atlas::{Chart, ImplicitManifold, ManifoldError, Validity, Workspace};
+
+use crate::{
+    shortcut::{cumulated, length},
+    tree::squared_distance,
+    walk::interpolate,
+};
+
+/// Residual of the points.
+pub(super) const TOLERANCE: f64 = 1e-12;
+/// New meshes aim at this fraction of the longest step and displacement allowed.
+const AIM: f64 = 0.96;
+/// Fractions of a segment that are constrained, at most.
+const MOST_FRACTIONS: usize = 15;
+/// Fewest segments of a path.
+const FEWEST_SEGMENTS: usize = 8;
+
+/// Points from start to goal. The inner ones have charts.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    pub(super) points: Vec<Vec<f64>>,
+    /// Of the inner points: the i-th is that of point i + 1.
+    pub(super) charts: Vec<Chart>,
+    /// Parameter steps of the segments; they add up to one.
+    pub(super) widths: Vec<f64>,
+    /// How many fractions of each segment are constrained.
+    pub(super) fractions: Vec<usize>,
+    pub(super) dimension: usize,
+    work: Workspace,
+}
+
+impl Chain {
+    /// A coarse path through some of the given points, about `step` apart.
+    ///
+    /// # Errors
+    /// The point that has no chart, and why.
+    pub(super) fn sampled<M: ImplicitManifold + ?Sized>(
+        manifold: &M,
+        dimension: usize,
+        given: &[Vec<f64>],
+        step: f64,
+        segments: std::ops::RangeInclusive<usize>,
+    ) -> Result<Self, (usize, ManifoldError)> {
+        let lengths = cumulated(given);
+        let whole = lengths[lengths.len() - 1];
+        let segments = ((whole / step).ceil() as usize)
+            .clamp(*segments.start(), *segments.end())
+            .max(FEWEST_SEGMENTS);
+        let mut work = Workspace::default();
+        let mut points = vec![given[0].clone()];
+        let mut charts: Vec<Chart> = Vec::new();
+        for i in 1..segments {
+            let at = whole * i as f64 / segments as f64;
+            let after = lengths
+                .partition_point(|&l| l < at)
+                .clamp(1, given.len() - 1);
+            let near = if lengths[after] - at < at - lengths[after - 1] {
+                after
+            } else {
+                after - 1
+            };
+            let chart = Chart::new(manifold, &given[near], dimension, &mut work)
+                .map_err(|error| (near, error))?;
+            // Between two points of the path, where that is a point too.
+            let width = lengths[after] - lengths[after - 1];
+            let mut x = given[near].clone();
+            if width > 0.0 {
+                let s = (at - lengths[after - 1]) / width;
+                interpolate(&given[after - 1], &given[after], s, &mut x);
+                if chart
+                    .retract(manifold, &mut x, TOLERANCE, &mut work)
+                    .is_err()
+                {
+                    x.copy_from_slice(&given[near]);
+                }
+            }
+            points.push(x);
+            charts.push(chart);
+        }
+        points.push(given[given.len() - 1].clone());
+        let mut chain = Self {
+            points,
+            charts,
+            widths: vec![1.0 / segments as f64; segments],
+            fractions: vec![1; segments],
+            dimension,
+            work,
+        };
+        chain.center(manifold).map_err(|error| (0, error))?;
+        Ok(chain)
+    }
+
+    /// Puts every chart about its point.
+    pub(super) fn center<M: ImplicitManifold + ?Sized>(
+        &mut self,
+        manifold: &M,
+    ) -> Result<(), ManifoldError> {
+        let inner = self.points.iter().skip(1);
+        for (chart, x) in self.charts.iter_mut().zip(inner) {
+            if chart.center() != x && !chart.recenter(manifold, x, &mut self.work) {
+                *chart = Chart::new(manifold, x, self.dimension, &mut self.work)?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn segments(&self) -> usize {
+        self.widths.len()
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        length(&self.points)
+    }
+
+    /// ½ Σ |xᵢ₊₁ − xᵢ|² / hᵢ of the chain with these points in place of its own.
+    pub(super) fn energy(&self, points: &[Vec<f64>]) -> f64 {
+        points
+            .windows(2)
+            .zip(&self.widths)
+            .map(|(pair, width)| 0.5 * squared_distance(&pair[0], &pair[1]) / width)
+            .sum()
+    }
+
+    /// The chart that serves a segment.
+    pub(super) fn chart_of_segment(&self, segment: usize) -> &Chart {
+        &self.charts[segment.saturating_sub(1)]
+    }
+
+    /// How many steps of at most `step` and displacements of at most
+    /// `displacement` each segment should be.
+    fn needed<V: Validity>(&self, validity: &V, step: f64, displacement: f64) -> Vec<f64> {
+        self.points
+            .windows(2)
+            .map(|pair| {
+                let length = squared_distance(&pair[0], &pair[1]).sqrt();
+                (length / step).max(validity.displacement(&pair[0], &pair[1]) / displacement)
+            })
+            .collect()
+    }
+
+    /// Splits the segments that are longer than `step` or move points farther
+    /// than `displacement` into halves; returns how many there are.
+    pub(super) fn split<M: ImplicitManifold + ?Sized, V: Validity>(
+        &mut self,
+        manifold: &M,
+        validity: &V,
+        step: f64,
+        displacement: f64,
+    ) -> usize {
+        let needed = self.needed(validity, step, displacement);
+        let mut count = 0;
+        for segment in (0..needed.len()).rev().filter(|&i| needed[i] > 1.0) {
+            count += 1;
+            let (x, chart) = self.between(manifold, segment, 0.5);
+            self.points.insert(segment + 1, x);
+            self.charts.insert(segment, chart);
+            let half = 0.5 * self.widths[segment];
+            self.widths[segment] = half;
+            self.widths.insert(segment + 1, half);
+            let fractions = (self.fractions[segment] / 2).max(1);
+            self.fractions[segment] = fractions;
+            self.fractions.insert(segment + 1, fractions);
+        }
+        count
+    }
+
+    /// A point of the manifold at a fraction of a segment, and its chart.
+    fn between<M: ImplicitManifold + ?Sized>(
+        &mut self,
+        manifold: &M,
+        segment: usize,
+        s: f64,
+    ) -> (Vec<f64>, Chart) {
+        // The chart of the nearer of the two points around.
+        let near = if s < 0.5 { segment } else { segment + 1 };
+        let chart = &self.charts[near.clamp(1, self.charts.len()) - 1];
+        let mut x = self.points[segment].clone();
+        interpolate(&self.points[segment], &self.points[segment + 1], s, &mut x);
+        if chart
+            .retract(manifold, &mut x, TOLERANCE, &mut self.work)
+            .is_err()
+        {
+            x.copy_from_slice(&self.points[near]);
+        }
+        let mut moved = chart.clone();
+        if !moved.recenter(manifold, &x, &mut self.work)
+            && let Ok(new) = Chart::new(manifold, &x, self.dimension, &mut self.work)
+        {
+            moved = new;
+        }
+        (x, moved)
+    }
+
+    /// Makes a new mesh with steps of at most `step` and displacements of at most
+    /// `displacement`, finer where points move faster. New points are put on the
+    /// manifold between the old ones.
+    pub(super) fn remesh<M: ImplicitManifold + ?Sized, V: Validity>(
+        &mut self,
+        manifold: &M,
+        validity: &V,
+        step: f64,
+        displacement: f64,
+    ) {
+        let needed = self.needed(validity, step, displacement);
+        let needed: Vec<f64> = (0..needed.len())
+            .map(|i| {
+                let around = &needed[i.saturating_sub(1)..(i + 2).min(needed.len())];
+                let most = around.iter().fold(0.0, |m: f64, &n| m.max(n));
+                (0.5 * (most + needed[i])).max(1e-6) / AIM
+            })
+            .collect();
+        let total: f64 = needed.iter().sum();
+        let segments = (total.ceil() as usize).max(FEWEST_SEGMENTS);
+        let (mut points, mut charts) = (vec![self.points[0].clone()], Vec::new());
+        let (mut widths, mut fractions) = (Vec::new(), Vec::new());
+        let mut old = 0;
+        let mut passed = 0.0;
+        let mut parameter = 0.0;
+        let mut parameter_before = 0.0;
+        for i in 1..=segments {
+            let at = total * i as f64 / segments as f64;
+            let mut spacing = f64::INFINITY;
+            loop {
+                spacing = spacing.min(self.widths[old] / (self.fractions[old] + 1) as f64);
+                if old + 1 == self.segments() || passed + needed[old] >= at {
+                    break;
+                }
+                passed += needed[old];
+                parameter += self.widths[old];
+                old += 1;
+            }
+            let s = ((at - passed) / needed[old]).clamp(0.0, 1.0);
+            let here = if i == segments {
+                1.0
+            } else {
+                parameter + s * self.widths[old]
+            };
+            let width = (here - parameter_before).max(1e-9);
+            widths.push(width);
+            parameter_before = here;
+            let rows = (width / spacing).ceil() as usize;
+            fractions.push(rows.saturating_sub(1).clamp(1, MOST_FRACTIONS));
+            if i == segments {
+                points.push(self.points[self.points.len() - 1].clone());
+                break;
+            }
+            let (x, moved) = self.between(manifold, old, s);
+            points.push(x);
+            charts.push(moved);
+        }
+        self.points = points;
+        self.charts = charts;
+        self.widths = widths;
+        self.fractions = fractions;
+    }
+
+    /// Constrains more fractions of some segments and of their neighbours;
+    /// `false` where these are as many as may be.
+    pub(super) fn watch_closer(&mut self, segments: &[usize]) -> bool {
+        let mut more = false;
+        let mut raised = self.fractions.clone();
+        for &segment in segments {
+            let last = (segment + 1).min(self.segments() - 1);
+            for near in segment.saturating_sub(1)..=last {
+                raised[near] = (2 * self.fractions[near] + 1).min(MOST_FRACTIONS);
+                more |= near == segment && raised[near] > self.fractions[near];
+            }
+        }
+        self.fractions = raised;
+        more
+    }
+
+    pub(super) fn into_points(self) -> Vec<Vec<f64>> {
+        self.points
+    }
+}

@@ -1,0 +1,340 @@
+//! The iterations on one mesh: sequential quadratic programming with a trust
+//! region.
+
+use tensegra_atlas::{ImplicitManifold, Validity, Workspace};
+use tensegra_optim::{BlockTridiagonalQp, BlockTridiagonalQpSolver};
+
+use super::{
+    SmootherOptions,
+    chain::{Chain, TOLERANCE},
+    rows::{Finder, Rows},
+};
+use crate::walk::interpolate;
+
+/// Price of violations at the start, over the length of the path.
+const FIRST_PRICE: f64 = 30.0;
+/// Largest price, over the length of the path.
+const LAST_PRICE: f64 = 1e5;
+/// A step is taken when it achieves this fraction of what the model promises.
+const LEAST_GAIN: f64 = 0.05;
+/// Smallest trust radius.
+const SMALLEST_RADIUS: f64 = 1e-6;
+/// Contacts within this multiple of the trust radius are found.
+const REACH: f64 = 2.0;
+/// Where this is all that a step promises, of the energy, and the gradient is
+/// near its goal, another step is in vain.
+const LEAST_PROMISE: f64 = 1e-7;
+/// How often a step is tried again with rows found where it ended.
+const CUTTING_ROUNDS: usize = 4;
+
+/// A row about the chain's points that was found elsewhere.
+struct Cut {
+    block: usize,
+    coefficients: Vec<f64>,
+    above: f64,
+}
+
+/// What iterations on one mesh reached.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Relaxed {
+    pub(super) length: f64,
+    /// Reduced gradient of the energy over the length.
+    pub(super) optimality: f64,
+    /// Largest violation of an inequality, margins left aside.
+    pub(super) violation: f64,
+}
+
+/// The iterations, with their memory.
+pub(super) struct Relaxation<'a, M: ?Sized, V: Validity> {
+    manifold: &'a M,
+    validity: &'a V,
+    finder: Finder<'a, M, V>,
+    largest_radius: f64,
+    price: f64,
+    iterations: usize,
+    qp: BlockTridiagonalQp,
+    solver: BlockTridiagonalQpSolver,
+    rows: Rows,
+    trial_rows: Rows,
+    /// Rows that steps from the same points have met.
+    cuts: Vec<Cut>,
+    trial: Vec<Vec<f64>>,
+    residual: Vec<f64>,
+    work: Workspace,
+}
+
+impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
+    pub(super) fn new(
+        manifold: &'a M,
+        validity: &'a V,
+        options: &SmootherOptions,
+        chain: &Chain,
+    ) -> Self {
+        let ends = [&chain.points[0], &chain.points[chain.segments()]].map(Vec::as_slice);
+        Self {
+            manifold,
+            validity,
+            finder: Finder::new(
+                manifold,
+                validity,
+                options.contact_margin,
+                options.limit_margin,
+                ends,
+            ),
+            largest_radius: options.trust_radius,
+            price: FIRST_PRICE * chain.length(),
+            iterations: 0,
+            qp: BlockTridiagonalQp::default(),
+            solver: BlockTridiagonalQpSolver::new().tolerance(1e-7),
+            rows: Rows::default(),
+            trial_rows: Rows::default(),
+            cuts: Vec::new(),
+            trial: Vec::new(),
+            residual: Vec::new(),
+            work: Workspace::default(),
+        }
+    }
+
+    pub(super) fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    pub(super) fn widen_margin(&mut self) {
+        self.finder.widen_margin();
+    }
+
+    /// The segments of the chain that are not clear.
+    pub(super) fn blocked(&mut self, chain: &Chain) -> Vec<usize> {
+        (0..chain.segments())
+            .filter(|&segment| {
+                let [a, b] = [&chain.points[segment], &chain.points[segment + 1]];
+                let chart = chain.chart_of_segment(segment);
+                let (manifold, work) = (self.manifold, &mut self.work);
+                !self.validity.is_clear(a, b, &mut |s, y| {
+                    interpolate(a, b, s, y);
+                    chart.retract(manifold, y, TOLERANCE, work).is_ok()
+                })
+            })
+            .collect()
+    }
+
+    /// Moves the points until the reduced gradient over the length is at most
+    /// `goal`, with `radius` as first trust radius. `None` when `report` cancels.
+    pub(super) fn relax(
+        &mut self,
+        chain: &mut Chain,
+        [goal, mut radius]: [f64; 2],
+        max_iterations: usize,
+        report: &mut dyn FnMut(&Relaxed, usize) -> bool,
+    ) -> Option<Relaxed> {
+        let mut found = REACH * radius;
+        self.finder
+            .find(chain, &chain.points, found, &mut self.rows);
+        let mut relaxed = Relaxed {
+            length: chain.length(),
+            optimality: f64::INFINITY,
+            violation: self.rows.violation(),
+        };
+        self.trial.clone_from(&chain.points);
+        let mut stalled = 0;
+        let mut refused = 0;
+        self.cuts.clear();
+        for _ in 0..max_iterations {
+            if chain.center(self.manifold).is_err() {
+                break;
+            }
+            self.iterations += 1;
+            if found < REACH * radius {
+                found = REACH * radius;
+                self.finder
+                    .find(chain, &chain.points, found, &mut self.rows);
+            }
+            self.assemble(chain, radius);
+            let shortfall = self.rows.shortfall();
+            if self.solver.solve(&self.qp).is_err() {
+                break;
+            }
+            // A price that buys no way out of violations is too low.
+            while self.price < LAST_PRICE * relaxed.length
+                && self.left_violated() > 0.1 * shortfall + 1e-9
+                && (self.largest_move() < 0.99 * radius || stalled >= 3)
+            {
+                stalled = 0;
+                self.price *= 4.0;
+                self.qp.set_prices(self.price);
+                if self.solver.solve(&self.qp).is_err() {
+                    return Some(relaxed);
+                }
+            }
+            relaxed.optimality = self.optimality(chain) / relaxed.length;
+            relaxed.violation = self.rows.violation();
+            if !report(&relaxed, self.iterations) {
+                return None;
+            }
+            let moved = self.largest_move();
+            let within = shortfall <= 0.3 * self.finder.contact_margin();
+            if relaxed.optimality <= goal && relaxed.violation == 0.0 && within {
+                break;
+            }
+            let energy = chain.energy(&chain.points);
+            let before = energy + self.price * shortfall;
+            let origin = self.price * shortfall;
+            let promised = origin - self.qp.objective(self.solver.solution());
+            let vain = promised < LEAST_PROMISE * energy && relaxed.optimality < 10.0 * goal;
+            if !(promised > 1e-12 * before) || (vain && relaxed.violation == 0.0 && within) {
+                break;
+            }
+            let at_edge = moved > 0.99 * radius;
+            let next_radius = if at_edge {
+                (2.0 * radius).min(self.largest_radius)
+            } else {
+                (2.0 * moved).clamp(0.25 * radius, radius)
+            };
+            let reached = self.try_step(chain);
+            let gain = if reached {
+                let reach = REACH * next_radius;
+                self.finder
+                    .find(chain, &self.trial, reach, &mut self.trial_rows);
+                let energy = chain.energy(&self.trial);
+                let after = energy + self.price * self.trial_rows.shortfall();
+                (before - after) / promised
+            } else {
+                f64::NEG_INFINITY
+            };
+            if gain > LEAST_GAIN {
+                std::mem::swap(&mut chain.points, &mut self.trial);
+                std::mem::swap(&mut self.rows, &mut self.trial_rows);
+                found = REACH * next_radius;
+                relaxed.length = chain.length();
+                relaxed.violation = self.rows.violation();
+                let stays = self.rows.shortfall() > 0.7 * shortfall;
+                stalled = if stays { stalled + 1 } else { 0 };
+                radius = if gain < 0.25 {
+                    0.5 * moved
+                } else {
+                    next_radius
+                };
+                radius = radius.max(SMALLEST_RADIUS);
+                refused = 0;
+                self.cuts.clear();
+            } else {
+                // Other places than those constrained came close: constrain them.
+                refused += 1;
+                if reached && refused <= CUTTING_ROUNDS {
+                    self.add_cuts(chain);
+                    radius = 0.8 * moved;
+                } else {
+                    radius = 0.4 * moved;
+                }
+                if radius < SMALLEST_RADIUS {
+                    break;
+                }
+            }
+        }
+        Some(relaxed)
+    }
+
+    /// The quadratic programme about the chain's points.
+    fn assemble(&mut self, chain: &Chain, radius: f64) {
+        let k = chain.dimension;
+        let qp = &mut self.qp;
+        qp.reset(chain.charts.len(), k);
+        qp.set_box(-radius, radius);
+        let m = chain.points[0].len();
+        let mut force = vec![0.0; m];
+        for (block, chart) in chain.charts.iter().enumerate() {
+            let [before, here, after] =
+                [block, block + 1, block + 2].map(|i| chain.points[i].as_slice());
+            let [left, right] = [1.0 / chain.widths[block], 1.0 / chain.widths[block + 1]];
+            for i in 0..m {
+                force[i] = left * (here[i] - before[i]) - right * (after[i] - here[i]);
+            }
+            let diagonal = qp.diagonal_mut(block);
+            for j in 0..k {
+                diagonal[j * k + j] = left + right;
+            }
+            let gradient = qp.gradient_mut(block);
+            for (j, g) in gradient.iter_mut().enumerate() {
+                *g = dot(chart.tangent(j), &force);
+            }
+            if let Some(next) = chain.charts.get(block + 1) {
+                let coupling = qp.coupling_mut(block);
+                for i in 0..k {
+                    for j in 0..k {
+                        coupling[i * k + j] = -right * dot(next.tangent(i), chart.tangent(j));
+                    }
+                }
+            }
+        }
+        let price = self.price;
+        self.rows.for_each_tangent(chain, radius, |row| {
+            qp.push_row(row.block, row.coefficients, -row.above, price);
+        });
+        for cut in &self.cuts {
+            qp.push_row(cut.block, &cut.coefficients, -cut.above, price);
+        }
+    }
+
+    /// Keeps the rows that fall short at the end of a refused step, extrapolated
+    /// back to the chain's points.
+    fn add_cuts(&mut self, chain: &Chain) {
+        let (cuts, t) = (&mut self.cuts, self.solver.solution());
+        let k = chain.dimension;
+        self.trial_rows.for_each_short(chain, |row| {
+            let moved = dot(row.coefficients, &t[row.block * k..]);
+            cuts.push(Cut {
+                block: row.block,
+                coefficients: row.coefficients.to_vec(),
+                // Where it holds now it must not seem violated.
+                above: (row.above - moved).max(0.0),
+            });
+        });
+    }
+
+    /// What the solution leaves violated.
+    fn left_violated(&self) -> f64 {
+        self.qp.priced_shortfall(self.solver.solution())
+    }
+
+    fn largest_move(&self) -> f64 {
+        self.solver
+            .solution()
+            .iter()
+            .fold(0.0, |most: f64, t| most.max(t.abs()))
+    }
+
+    /// Largest entry of the gradient of the energy less that of the rows, in
+    /// tangent coordinates.
+    fn optimality(&mut self, chain: &Chain) -> f64 {
+        self.residual.clear();
+        for block in 0..chain.charts.len() {
+            self.residual.extend_from_slice(self.qp.gradient_mut(block));
+        }
+        self.qp
+            .subtract_rows(self.solver.row_multipliers(), &mut self.residual);
+        self.residual
+            .iter()
+            .fold(0.0, |most: f64, r| most.max(r.abs()))
+    }
+
+    /// The points moved by the solution, into `trial`; `false` where one leaves
+    /// the reach of its chart.
+    fn try_step(&mut self, chain: &Chain) -> bool {
+        let k = chain.dimension;
+        self.trial.clone_from(&chain.points);
+        let solution = self.solver.solution().chunks_exact(k.max(1));
+        for ((chart, t), x) in chain.charts.iter().zip(solution).zip(&mut self.trial[1..]) {
+            if chart
+                .exp(self.manifold, t, x, TOLERANCE, &mut self.work)
+                .is_err()
+            {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,331 @@
+//! Smoothing a path of a problem, and the best of several plans smoothed.
+
+use cpu_time::ThreadTime;
+use tensegra_atlas::{ManifoldError, project};
+use tensegra_check::{CheckOptions, Report, check_path};
+use tensegra_model::{
+    BodyError, DirectionsManifold, EquilibriumError, EquilibriumManifold, FreeSpace, NodesManifold,
+    Path, Problem, Stability, control_effort, path_length,
+};
+use tensegra_sampling::{
+    Observer, ShortcutOptions, Shortcutter, SmoothError, SmoothObserver, Smoother, SmootherOptions,
+};
+
+use crate::planning::{Plan, PlanningError, plan};
+
+/// Residual of a path's points.
+const TOLERANCE: f64 = 1e-12;
+const MAX_ITERATIONS: usize = 30;
+/// The seeds of several plans differ by multiples of this, so that those of
+/// neighbouring seeds differ too.
+const SEED_STRIDE: u64 = 0x9E37_79B9_7F4A_7C15;
+/// Attempts to smooth with ever wider margins.
+const ATTEMPTS: usize = 4;
+/// Factor from one attempt's margins to the next one's.
+const WIDER: f64 = 2.0;
+
+/// How a path is smoothed.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct SmoothingOptions {
+    /// Shortcuts, which come first.
+    pub shortcut: ShortcutOptions,
+    /// Smoothing proper.
+    pub smoother: SmootherOptions,
+}
+
+impl SmoothingOptions {
+    /// The options for a problem: its step, its seed.
+    pub fn of(problem: &Problem) -> Self {
+        let mut options = Self::default();
+        options.shortcut.seed = problem.seed;
+        options.shortcut.step = problem.settings.step;
+        options.smoother.step = problem.settings.step;
+        options
+    }
+}
+
+/// A smoothed path, with what it was before. Lengths and efforts are in the
+/// coordinates of Porta and Hernández-Juan (2016).
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Smoothing {
+    /// The motion from start to goal.
+    pub path: Path,
+    /// Verdict of the independent judge about it.
+    pub report: Report,
+    /// Length of the path.
+    pub path_length: f64,
+    /// Its control effort (eq. 24); `None` where it passes a singular point.
+    pub control_effort: Option<f64>,
+    /// Length of the path given.
+    pub path_length_before: f64,
+    /// Control effort of the path given.
+    pub control_effort_before: Option<f64>,
+    /// Length after the shortcuts.
+    pub shortcut_length: f64,
+    /// Reduced gradient of the path's energy over its length, largest entry;
+    /// `None` where the path is that of the shortcuts.
+    pub optimality: Option<f64>,
+    /// Whether the optimality asked for was reached.
+    pub converged: bool,
+    /// Iterations of all attempts.
+    pub iterations: usize,
+    /// CPU seconds of the shortcuts.
+    pub shortcut_seconds: f64,
+    /// CPU seconds of shortcuts, smoothing, and the judge's verdicts in between.
+    pub seconds: f64,
+    /// Why the path is that of the shortcuts, where it is.
+    pub setback: Option<String>,
+}
+
+/// Why a path is not smoothed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SmoothingError {
+    /// The structure has no equilibrium manifold.
+    #[error(transparent)]
+    Structure(#[from] EquilibriumError),
+    /// A body has no valid shape.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// The path has no configurations.
+    #[error("the path has no configurations: there is nothing to smooth")]
+    Empty,
+    /// A configuration of the path does not fit the structure.
+    #[error("configuration {index} of the path does not fit the structure of the problem")]
+    Unfit {
+        /// Index of the configuration.
+        index: usize,
+    },
+    /// A configuration of the path is not in equilibrium.
+    #[error("configuration {index} of the path is not in equilibrium: {error}")]
+    NoEquilibrium {
+        /// Index of the configuration.
+        index: usize,
+        /// What the projection says.
+        error: ManifoldError,
+    },
+    /// The problem demands stability.
+    #[error(
+        "the problem demands stable equilibria, which smoothing does not keep: smooth without the \
+         demand, or take the path as planned"
+    )]
+    Stability,
+    /// The path cannot be moved.
+    #[error(transparent)]
+    Smoother(#[from] SmoothError),
+}
+
+/// Shortens and smooths a path of a problem: the path of least control effort
+/// among its neighbours that keep all ranges and touch nothing, with steps that
+/// the independent judge accepts.
+///
+/// The path should be one that the judge accepts. Where smoothing does not end
+/// with such a path, the one after the shortcuts is returned, or the one given.
+///
+/// # Errors
+/// [`SmoothingError`]: the path does not fit the problem or is not in
+/// equilibrium, the problem demands stability, or the observer cancelled.
+pub fn smooth(
+    problem: &Problem,
+    path: &Path,
+    options: &SmoothingOptions,
+    observer: &mut dyn SmoothObserver,
+) -> Result<Smoothing, SmoothingError> {
+    let clock = ThreadTime::now();
+    if problem.settings.least_stiffness.is_some() {
+        return Err(SmoothingError::Stability);
+    }
+    let structure = &problem.structure;
+    let first = path.configurations.first().ok_or(SmoothingError::Empty)?;
+    for (index, configuration) in path.configurations.iter().enumerate() {
+        let elements = structure.elements.len();
+        if configuration.positions.len() != structure.nodes.len()
+            || configuration.lengths.len() != elements
+            || configuration.rest_lengths.len() != elements
+            || configuration.forces.len() != elements
+        {
+            return Err(SmoothingError::Unfit { index });
+        }
+    }
+    let manifold = DirectionsManifold::new(structure)?;
+    let size = NodesManifold::new(structure, &first.positions)?.size();
+    let max_displacement = problem.settings.step * size;
+    let points = path
+        .configurations
+        .iter()
+        .enumerate()
+        .map(|(index, configuration)| {
+            let mut x = manifold.coordinates(configuration);
+            project(&manifold, &mut x, TOLERANCE, MAX_ITERATIONS)
+                .map(|()| x)
+                .map_err(|error| SmoothingError::NoEquilibrium { index, error })
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut free = FreeSpace::new(&manifold, &problem.environment, size)?;
+    for end in [points.first(), points.last()].into_iter().flatten() {
+        free.admit(end);
+    }
+    let as_path = |points: &[Vec<f64>]| Path {
+        configurations: points.iter().map(|x| manifold.configuration(x)).collect(),
+    };
+    let judge = |path: &Path| check_path(problem, path, &CheckOptions::default());
+    let shortened = Shortcutter::new(&manifold, &free, options.shortcut.clone())
+        .max_displacement(max_displacement)
+        .shorten(&points)
+        .map_err(|error| SmoothError::Manifold { index: 0, error })?;
+    let mut margins = options.smoother.clone();
+    let mut iterations = 0;
+    let mut setback = None;
+    let mut smoothed = None;
+    let mut from = shortened.points.clone();
+    for _ in 0..ATTEMPTS {
+        let found = Smoother::new(&manifold, &free, margins.clone())
+            .max_displacement(max_displacement)
+            .smooth(&from, observer);
+        match found {
+            Ok(found) => {
+                iterations += found.iterations;
+                let path = as_path(&found.points);
+                let report = judge(&path);
+                if report.ok {
+                    setback = None;
+                    smoothed = Some((path, report, found.optimality, found.converged));
+                    break;
+                }
+                setback = report.failures.first().map(|f| f.message.clone());
+                from = found.points;
+            }
+            Err(SmoothError::Cancelled) => return Err(SmoothError::Cancelled.into()),
+            Err(error) => {
+                setback = Some(error.to_string());
+                from.clone_from(&shortened.points);
+            }
+        }
+        margins.contact_margin *= WIDER;
+        margins.limit_margin *= WIDER;
+    }
+    let shortcut_seconds = shortened.seconds;
+    let shortcut_length = shortened.length;
+    let (path_after, report, optimality, converged) = match smoothed {
+        Some((path, report, optimality, converged)) => (path, report, Some(optimality), converged),
+        None => {
+            let shortcut = as_path(&shortened.points);
+            let report = judge(&shortcut);
+            if report.ok {
+                (shortcut, report, None, false)
+            } else {
+                (path.clone(), judge(path), None, false)
+            }
+        }
+    };
+    let seconds = clock.elapsed().as_secs_f64();
+    Ok(Smoothing {
+        path_length: path_length(structure, &path_after)?,
+        control_effort: control_effort(structure, &path_after).ok(),
+        path_length_before: path_length(structure, path)?,
+        control_effort_before: control_effort(structure, path).ok(),
+        path: path_after,
+        report,
+        shortcut_length,
+        optimality,
+        converged,
+        iterations,
+        shortcut_seconds,
+        seconds,
+        setback,
+    })
+}
+
+/// The best of several plans, each smoothed.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct SmoothedPlan {
+    /// The plan whose smoothed path costs least; its least stiffness is that of
+    /// the smoothed path.
+    pub plan: Plan,
+    /// What smoothing made of it.
+    pub smoothing: Smoothing,
+    /// Control effort of every smoothed plan, in the order of planning; `None`
+    /// where there is none.
+    pub efforts: Vec<Option<f64>>,
+    /// CPU seconds of planning, all plans together.
+    pub planning_seconds: f64,
+    /// CPU seconds of shortcuts and smoothing, all plans together.
+    pub smoothing_seconds: f64,
+}
+
+/// Plans `plans` times with different seeds, smooths every path, and returns the
+/// one of least control effort. Paths of different classes, which cannot be
+/// deformed into each other without touching anything, have efforts that differ
+/// much: one plan alone may be of a poor class.
+///
+/// The first seed is the problem's.
+///
+/// # Errors
+/// The first [`PlanningError`] when no plan was found at all.
+pub fn plan_and_smooth<O: Observer + SmoothObserver>(
+    problem: &Problem,
+    plans: usize,
+    options: &SmoothingOptions,
+    observer: &mut O,
+) -> Result<SmoothedPlan, PlanningError> {
+    let mut best: Option<SmoothedPlan> = None;
+    let mut first_error = None;
+    let mut efforts = Vec::new();
+    let (mut planning_seconds, mut smoothing_seconds) = (0.0, 0.0);
+    for index in 0..plans.max(1) as u64 {
+        let mut seeded = problem.clone();
+        seeded.seed = problem.seed.wrapping_add(index.wrapping_mul(SEED_STRIDE));
+        let mut options = options.clone();
+        options.shortcut.seed = seeded.seed;
+        let outcome = plan(&seeded, observer).and_then(|mut plan| {
+            planning_seconds += plan.planning_seconds;
+            let smoothing = smooth(&seeded, &plan.path, &options, observer)?;
+            smoothing_seconds += smoothing.seconds;
+            let stability = Stability::new(&problem.structure, problem.settings.actuation);
+            plan.least_stiffness = stability.least_along(&smoothing.path);
+            Ok((plan, smoothing))
+        });
+        match outcome {
+            Ok((plan, smoothing)) => {
+                let cost = |s: &Smoothing| {
+                    let effort = s.control_effort.unwrap_or(f64::INFINITY);
+                    (!s.report.ok, effort)
+                };
+                efforts.push(smoothing.control_effort);
+                let better = best
+                    .as_ref()
+                    .is_none_or(|best| cost(&smoothing) < cost(&best.smoothing));
+                if better {
+                    best = Some(SmoothedPlan {
+                        plan,
+                        smoothing,
+                        efforts: Vec::new(),
+                        planning_seconds: 0.0,
+                        smoothing_seconds: 0.0,
+                    });
+                }
+            }
+            Err(error) => {
+                efforts.push(None);
+                // What keeps one plan from being tried keeps all.
+                if error.statistics().is_none() && best.is_none() {
+                    return Err(error);
+                }
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    match (best, first_error) {
+        (Some(best), _) => Ok(SmoothedPlan {
+            efforts,
+            planning_seconds,
+            smoothing_seconds,
+            ..best
+        }),
+        (None, Some(error)) => Err(error),
+        (None, None) => Err(PlanningError::Smoothing(SmoothingError::Empty)),
+    }
+}
