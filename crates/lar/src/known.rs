@@ -112,7 +112,7 @@ mod tests {
         let limits = Limits::default().with_min_rigidity(Some(0.0025));
         for (start, renamings) in [
             (unit_k5(limits.clone()), 4),
-            (unit_octahedron(limits.clone()), 2),
+            (unit_octahedron(limits.clone()), 1),
         ] {
             let RobotAtStart { robot, stance } = start.unwrap();
             assert!(robot.violations(&stance.coordinates, 1e-12).is_empty());
