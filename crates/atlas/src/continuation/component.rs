@@ -37,6 +37,9 @@ const SAME_POINT: f64 = 1e-4;
 const LEAST_CUT: f64 = 0.1;
 /// Residual to which corners are put on the manifold.
 const CORNER_TOLERANCE: f64 = 1e-10;
+/// A neighbour that cuts the rim of a domain cuts it at this fraction of the radius
+/// or nearer.
+const RIM: f64 = 0.97;
 /// Relative slack of tests on the border of a domain.
 const ROUNDING: f64 = 1e-9;
 
@@ -311,9 +314,13 @@ impl ComponentAtlas {
     /// Where the polytope of a chart ends towards a neighbour.
     fn offset(&self, index: usize, neighbour: &Neighbour) -> f64 {
         let length = dot(&neighbour.at, &neighbour.at);
-        let halfway = bisector(neighbour.squared_distance, length, self.domain.error);
-        let radii = [index, neighbour.chart].map(|i| self.radii[i].powi(2));
-        (halfway + 0.5 * (radii[0] - radii[1])).max(LEAST_CUT * length)
+        let radius = self.radii[index];
+        let powers = 0.5 * (radius.powi(2) - self.radii[neighbour.chart].powi(2));
+        let repaired = bisector(neighbour.squared_distance, length, self.domain.error) + powers;
+        // A neighbour on the rim takes over there, however small it is: the rim
+        // would be explored again and again.
+        let rim = (0.5 * length + powers).max(RIM * radius * length.sqrt());
+        repaired.min(rim).max(LEAST_CUT * length)
     }
 
     fn cut(&mut self, index: usize, neighbour: &Neighbour) {
