@@ -282,7 +282,7 @@ fn tracing_says_whether_and_why_it_stops() {
         tensegra(&all)
     };
     // Reached: the path is written, and judged again from its file.
-    let moved = ["--element", "c1", "--quantity", "rest", "--to", "0.4"];
+    let moved = ["--move", "c1:rest=0.3", "--move", "c2:rest=0.5"];
     let output = trace("kite.toml", &moved);
     assert_eq!(output.status.code(), Some(0));
     let value = json(&output);
@@ -300,6 +300,11 @@ fn tracing_says_whether_and_why_it_stops() {
     let again = tensegra(["check".as_ref(), path.as_os_str()]);
     assert_eq!(again.status.code(), Some(0));
     // Not reached: the reason is given, and the path as far as it goes.
+    let moved = ["--element", "c1", "--quantity", "rest", "--to", "0.4"];
+    let output = trace("kite.toml", &moved);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(json(&output)["stop"], "collision");
+    assert_eq!(json(&output)["reason"], "s2 touches sp1");
     let output = trace("arch.toml", &["--move", "s1:rest=1"]);
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(json(&output)["stop"], "fold");
