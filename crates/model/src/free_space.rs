@@ -750,14 +750,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         // The deviation in all coordinates, forces included: a judge that
         // returns to the manifold along another normal may move the nodes by
         // what is a change of forces here.
-        let whole = self.size
-            * a.x
-                .iter()
-                .zip(&b.x)
-                .zip(&y)
-                .map(|((a, b), y)| (y - 0.5 * (a + b)).powi(2))
-                .sum::<f64>()
-                .sqrt();
+        let whole = self.deviation(&a.x, &b.x, &y);
         let deviation: Vec<f64> = a
             .capsules
             .iter()
@@ -798,14 +791,20 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         [((a, &state), [s[0], middle]), ((&state, b), [middle, s[1]])]
             .into_iter()
             .all(|(states, s)| {
-                let left = self.not_clear_by_displacement(&open, states);
+                let room = if robust { 0.5 * whole } else { 0.0 };
+                let left = self.not_clear_by_displacement(&open, states, self.least + room);
                 left.is_empty()
                     || self.is_clear_between(&left, states, s, between, halvings - 1, robust)
             })
     }
 
     /// The pairs whose clearances at two states do not cover the motion between.
-    fn not_clear_by_displacement(&self, pairs: &[usize], (a, b): (&State, &State)) -> Vec<usize> {
+    fn not_clear_by_displacement(
+        &self,
+        pairs: &[usize],
+        (a, b): (&State, &State),
+        least: f64,
+    ) -> Vec<usize> {
         let moved = displacements(a, b);
         pairs
             .iter()
@@ -815,9 +814,31 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
                 let clearance =
                     self.scene.contact(pair, a).clearance + self.scene.contact(pair, b).clearance;
                 let moved = self.scene.displacement(pair, &moved, a, b);
-                clearance - 2.0 * self.least <= CURVATURE_FACTOR * moved
+                clearance - 2.0 * least <= CURVATURE_FACTOR * moved
             })
             .collect()
+    }
+
+    /// How far the middle of the motion from `a` to `b` lies off the straight line
+    /// between them, as a length, changes of forces included.
+    fn stray(
+        &self,
+        a: &[f64],
+        b: &[f64],
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+    ) -> Option<f64> {
+        let mut y = vec![0.0; a.len()];
+        between(0.5, &mut y).then(|| self.deviation(a, b, &y))
+    }
+
+    fn deviation(&self, a: &[f64], b: &[f64], middle: &[f64]) -> f64 {
+        let square: f64 = a
+            .iter()
+            .zip(b)
+            .zip(middle)
+            .map(|((a, b), y)| (y - 0.5 * (a + b)).powi(2))
+            .sum();
+        self.size * square.sqrt()
     }
 
     /// [`Validity::step`] and [`Validity::robust_step`].
@@ -836,6 +857,15 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         self.place(x, &mut to.state);
         let moved = displacements(&from.state, &to.state);
         let mut doubtful = Vec::new();
+        // Others may find the middle as far off again as it is from the straight line.
+        let least = if robust {
+            match self.stray(&from.state.x, x, between) {
+                Some(stray) => self.least + DEVIATION_FACTOR * stray,
+                None => return Err(Obstruction::Blocked),
+            }
+        } else {
+            self.least
+        };
         for (i, (pair, (&before, after))) in self
             .scene
             .pairs
@@ -848,16 +878,14 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
                     .scene
                     .displacement(pair, &moved, &from.state, &to.state);
             *after = before - moved;
-            if *after > self.least {
+            if *after > least {
                 continue;
             }
             let clearance = self.scene.contact(pair, &to.state).clearance;
             *after = clearance;
             if clearance < self.least {
                 violated.push(i);
-            } else if clearance - moved <= self.least
-                && before + clearance - 2.0 * self.least <= moved
-            {
+            } else if clearance - moved <= least && before + clearance - 2.0 * least <= moved {
                 doubtful.push(i);
             }
         }
@@ -868,7 +896,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             return Ok(());
         }
         let states = (&from.state, &to.state);
-        let doubtful = self.not_clear_by_displacement(&doubtful, states);
+        let doubtful = self.not_clear_by_displacement(&doubtful, states, least);
         if doubtful.is_empty()
             || self.is_clear_between(&doubtful, states, [0.0, 1.0], between, HALVINGS, robust)
         {
