@@ -45,7 +45,7 @@ pub struct Rigidity {
     /// Whether no other shape exists.
     pub super_stability: SuperStability,
     /// The factor by which all forces could grow in this shape before it buckles;
-    /// none where it never does, or is unstable now.
+    /// none where it never does while rest lengths are positive, or is unstable now.
     pub buckling_factor: Option<f64>,
     /// Natural frequencies, in cycles per unit of time; none where no masses are
     /// stated.
@@ -97,6 +97,7 @@ impl Rigidity {
         } else {
             vec![None; structure.elements.len()]
         };
+        let super_stability = SuperStability::new(structure, configuration)?;
         Ok(Self {
             rigid_motions: analysis.rigid_motions.ncols(),
             rank: analysis.rank,
@@ -106,8 +107,12 @@ impl Rigidity {
             force_densities: force_densities(configuration),
             force_controlled: StiffnessSpectrum::new(structure, configuration, Actuation::Force)?,
             prestress: PrestressStability::new(structure, configuration, &matrix, &analysis)?,
-            super_stability: SuperStability::new(structure, configuration)?,
-            buckling_factor: buckling_factor(structure, configuration)?,
+            buckling_factor: if super_stability.is_super_stable() {
+                None
+            } else {
+                buckling_factor(structure, configuration)?
+            },
+            super_stability,
             frequencies: frequencies.transpose()?,
             loosest: loosest(structure, configuration),
             losses,
