@@ -808,7 +808,8 @@ fn read_greedy(
 }
 
 /// Rolls of the longest primitives that a two-tier walk is smoothed with, unless the file says
-/// otherwise. The paper smooths over two; four bring the octahedron below greedy walks.
+/// otherwise. The paper smooths over two; more are cheaper a roll, but the number of primitives
+/// doubles with each.
 const SMOOTHING_ROLLS: usize = 4;
 
 fn read_two_tier(
