@@ -33,6 +33,9 @@ const LEAST_CLEARANCE: f64 = 1e-4;
 /// The true motion between two samples deviates from the linear one by at most
 /// this multiple of the deviation at the middle.
 const DEVIATION_FACTOR: f64 = 2.0;
+/// Another return to the manifold strays from the straight line at most this many
+/// times as far as ours.
+const STRAY_FACTOR: f64 = 4.0;
 /// Points move at most this much farther than the distance between samples.
 const CURVATURE_FACTOR: f64 = 1.1;
 /// Halvings of a step.
@@ -771,9 +774,9 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
                 Primitives::CapsuleObstacle(i, _) => deviation[i],
                 _ => 0.0,
             };
-            // Who returns to the manifold another way finds another middle, no
-            // farther off than this one is from the straight line.
-            let room = if robust { deviation } else { 0.0 };
+            // Who returns to the manifold another way finds another middle, which may
+            // stray farther from the straight line than this one.
+            let room = if robust { STRAY_FACTOR * deviation } else { 0.0 };
             if self.scene.contact(pair, &state).clearance < self.least + room {
                 return false;
             }
