@@ -235,8 +235,8 @@ mod tests {
         let (_, mut configuration) = square();
         let (side, tension) = (0.5_f64.sqrt(), 0.125_f64.sqrt());
         let builder = StructureBuilder::planar()
-            .prismatic("s1", ["n1", "n2"], 0.5..=1.5, 2.0, 0.0..=3.0)
-            .prismatic("s2", ["n3", "n4"], 0.5..=1.5, 2.0, 0.0..=3.0);
+            .prismatic("s1", ["n1", "n2"], 0.8..=1.5, 2.0, 0.0..=3.0)
+            .prismatic("s2", ["n3", "n4"], 0.8..=1.5, 2.0, 0.0..=3.0);
         let structure = [
             ("c1", ["n1", "n3"]),
             ("c2", ["n2", "n3"]),
