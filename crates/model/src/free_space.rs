@@ -776,7 +776,11 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             };
             // Who returns to the manifold another way finds another middle, which may
             // stray farther from the straight line than this one.
-            let room = if robust { STRAY_FACTOR * deviation } else { 0.0 };
+            let room = if robust {
+                STRAY_FACTOR * deviation
+            } else {
+                0.0
+            };
             if self.scene.contact(pair, &state).clearance < self.least + room {
                 return false;
             }
