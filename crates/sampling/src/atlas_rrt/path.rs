@@ -2,13 +2,9 @@
 //! rounding, as close to each other as is asked for.
 
 use cpu_time::ThreadTime;
-use tensegra_atlas::{ImplicitManifold, Validity, project};
+use tensegra_atlas::{ImplicitManifold, Validity};
 
-use super::{
-    ROUNDING,
-    search::Search,
-    step::{PROJECTION_ITERATIONS, interpolate},
-};
+use super::{ROUNDING, search::Search, step::interpolate};
 use crate::{
     plan::Statistics,
     tree::{Tree, squared_distance},
@@ -129,14 +125,17 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     }
 
     /// Whether the motion from `here` to x, judged at its middle, keeps to the
-    /// limits and strays little from the straight line. The middle is the point of
-    /// the manifold nearest to the straight line's, as for whoever knows no charts.
-    fn is_nearly_straight(&mut self, x: &[f64]) -> bool {
+    /// limits and strays little from the straight line.
+    fn is_nearly_straight(&mut self, chart: usize, x: &[f64]) -> bool {
         let planner = self.planner;
         let (manifold, tolerance) = (planner.manifold, planner.options.tolerance);
         interpolate(0.5, &self.here.x, x, &mut self.next.x);
         let straight = self.next.x.clone();
-        if project(manifold, &mut self.next.x, tolerance, PROJECTION_ITERATIONS).is_err() {
+        let chart = self.atlas.chart(chart);
+        if chart
+            .retract(manifold, &mut self.next.x, tolerance, &mut self.work)
+            .is_err()
+        {
             return false;
         }
         self.violated.clear();
@@ -159,8 +158,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         let resolution = planner.options.path_step;
         if squared_distance(&self.here.x, &x) <= resolution * resolution
             && planner.validity.displacement(&self.here.x, &x) <= planner.max_displacement
-            && self.is_nearly_straight(&x)
-            && self.is_robust(&x)
+            && self.is_nearly_straight(chart, &x)
+            && self.is_robust(chart, &x)
         {
             self.here.x.copy_from_slice(&x);
             std::mem::swap(&mut self.memory, &mut self.next_memory);

@@ -1,6 +1,6 @@
 //! One step of a branch, slid along limits and contacts.
 
-use tensegra_atlas::{ImplicitManifold, Obstruction, Validity, project};
+use tensegra_atlas::{ImplicitManifold, Obstruction, Validity};
 
 use super::{ROUNDING, branch::Stop, search::Search};
 use crate::{slide::Constraint, tree::squared_distance};
@@ -10,8 +10,6 @@ use crate::{slide::Constraint, tree::squared_distance};
 const LEAST_STEP: f64 = 0.3;
 /// Corrections of a sliding step.
 const CORRECTIONS: usize = 3;
-/// Iterations of a projection onto the manifold between points of the path.
-pub(super) const PROJECTION_ITERATIONS: usize = 20;
 
 /// What became of a step.
 pub(super) enum Step {
@@ -51,20 +49,23 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     }
 
     /// Whether the step from `here` to x is valid by its ends alone.
-    pub(super) fn is_robust(&mut self, x: &[f64]) -> bool {
+    pub(super) fn is_robust(&mut self, chart: usize, x: &[f64]) -> bool {
         let Self {
             planner,
+            atlas,
             here,
             memory,
             next_memory,
+            work,
             ..
         } = self;
         let (options, manifold) = (&planner.options, planner.manifold);
+        let chart = atlas.chart(chart);
         planner
             .validity
             .robust_step(memory, x, next_memory, &mut |s, y| {
                 interpolate(s, &here.x, x, y);
-                project(manifold, y, options.tolerance, PROJECTION_ITERATIONS).is_ok()
+                chart.retract(manifold, y, options.tolerance, work).is_ok()
             })
     }
 
