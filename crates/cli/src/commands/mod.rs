@@ -14,7 +14,10 @@ pub mod walk;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use tensegra::model::{self, Problem};
+use tensegra::{
+    io::Picture,
+    model::{self, Problem},
+};
 
 use crate::failure::Failure;
 
@@ -166,6 +169,23 @@ fn require_writable(folder: &Path) -> Result<(), Failure> {
     };
     std::fs::create_dir_all(folder).map_err(unwritable)?;
     tempfile::tempfile_in(folder).map(drop).map_err(unwritable)
+}
+
+/// Writes pictures by name as SVG and PNG, and adds the files to `files`.
+fn write_pictures(
+    folder: &Path,
+    pictures: &[(&str, Picture)],
+    files: &mut Vec<PathBuf>,
+) -> Result<(), Failure> {
+    for (name, picture) in pictures {
+        let [svg, png] = ["svg", "png"].map(|kind| folder.join(format!("{name}.{kind}")));
+        picture.write_svg(&svg).map_err(Failure::message)?;
+        picture
+            .write_png(&png, PNG_SCALE)
+            .map_err(Failure::message)?;
+        files.extend([svg, png]);
+    }
+    Ok(())
 }
 
 /// Prints the names of the files written.

@@ -17,12 +17,12 @@ use tensegra::{
 };
 
 use super::{
-    Formulation, PNG_SCALE, StabilityArguments,
+    Formulation, StabilityArguments,
     axes::{parse_axes, three_lengths},
     formulation_name, json_failure, parse_seconds, parse_seeds, print_json, print_written,
     read_problem, require_writable,
     smooth::{add_json, draw_before_and_after, print},
-    stiffness_json, stiffness_text,
+    stiffness_json, stiffness_text, write_pictures,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -350,17 +350,7 @@ fn write(
             }
         }
     }
-    for (name, picture) in &drawn {
-        let (svg, png) = (
-            folder.join(format!("{name}.svg")),
-            folder.join(format!("{name}.png")),
-        );
-        picture.write_svg(&svg).map_err(Failure::message)?;
-        picture
-            .write_png(&png, PNG_SCALE)
-            .map_err(Failure::message)?;
-        files.extend([svg, png]);
-    }
+    write_pictures(folder, &drawn, &mut files)?;
     Ok(files)
 }
 

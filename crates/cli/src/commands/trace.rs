@@ -16,8 +16,8 @@ use tensegra::{
 };
 
 use super::{
-    Formulation, PNG_SCALE, StabilityArguments, formulation_name, json_failure, print_json,
-    print_written, read_problem, require_writable, stiffness_json, stiffness_text,
+    Formulation, StabilityArguments, formulation_name, json_failure, print_json, print_written,
+    read_problem, require_writable, stiffness_json, stiffness_text, write_pictures,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -243,17 +243,7 @@ fn write(
     write_log(&files[1], problem, &traced.path, &LogOptions::default())
         .map_err(Failure::message)?;
     let pictures = draw(problem, traced).map_err(Failure::message)?;
-    for (name, picture) in &pictures {
-        let (svg, png) = (
-            folder.join(format!("{name}.svg")),
-            folder.join(format!("{name}.png")),
-        );
-        picture.write_svg(&svg).map_err(Failure::message)?;
-        picture
-            .write_png(&png, PNG_SCALE)
-            .map_err(Failure::message)?;
-        files.extend([svg, png]);
-    }
+    write_pictures(folder, &pictures, &mut files)?;
     Ok(files)
 }
 
