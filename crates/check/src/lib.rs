@@ -34,6 +34,7 @@
 //! ```
 
 mod bodies;
+mod conditions;
 mod input;
 mod motion;
 mod options;
@@ -45,19 +46,21 @@ mod statics;
 use tensegra_model::{Configuration, Path, Problem};
 
 use bodies::Bodies;
+use conditions::Conditions;
 use motion::Motion;
 pub use options::{CheckOptions, OptionError};
 pub use report::{Check, Failure, Figure, Location, Report, Statistics};
-use report::{Ledger, Subject};
+use report::{ConditionList, Ledger, Subject};
 use stability::Stability;
 use statics::Statics;
 
 /// Judges a path.
 ///
 /// A path of one configuration is judged too, if it is start and goal at once; an empty one is
-/// refused. Where the problem states no start or goal, that end is free.
+/// refused. An end that the problem describes by conditions (`start = { formfind = … }`) has to
+/// meet these; where it states neither, that end is free.
 pub fn check_path(problem: &Problem, path: &Path, options: &CheckOptions) -> Report {
-    judge(problem, path, options, true)
+    judge(problem, path, options, Ends::OfPath)
 }
 
 /// Judges one configuration: everything that [`check_path`] judges, but for the ends of the path
@@ -70,12 +73,43 @@ pub fn check_configuration(
     let path = Path {
         configurations: vec![configuration.clone()],
     };
-    judge(problem, &path, options, false)
+    judge(problem, &path, options, Ends::Free)
 }
 
-fn judge(problem: &Problem, path: &Path, options: &CheckOptions, with_ends: bool) -> Report {
+/// Judges a form: everything that [`check_configuration`] judges, and what the problem asks of
+/// forms (its table `[formfind]`): conditions, clearances, stability.
+pub fn check_form(
+    problem: &Problem,
+    configuration: &Configuration,
+    options: &CheckOptions,
+) -> Report {
+    let path = Path {
+        configurations: vec![configuration.clone()],
+    };
+    let form = &problem.form;
+    // Cylinders without ends keep at least as far apart as elements do.
+    let clearance = match form.infinite_cylinders {
+        true => options.min_clearance,
+        false => options.min_clearance.max(form.clearance),
+    };
+    let options = options.clone().with_min_clearance(clearance);
+    judge(problem, &path, &options, Ends::OfForm)
+}
+
+/// What the first and the last configuration have to be.
+#[derive(Clone, Copy, PartialEq)]
+enum Ends {
+    /// Anything.
+    Free,
+    /// Start and goal.
+    OfPath,
+    /// What is asked of a form.
+    OfForm,
+}
+
+fn judge(problem: &Problem, path: &Path, options: &CheckOptions, ends: Ends) -> Report {
     let mut ledger = Ledger::new();
-    judge_into(problem, path, options, with_ends, &mut ledger);
+    judge_into(problem, path, options, ends, &mut ledger);
     ledger.into_report(problem)
 }
 
@@ -83,7 +117,7 @@ fn judge_into(
     problem: &Problem,
     path: &Path,
     options: &CheckOptions,
-    with_ends: bool,
+    ends: Ends,
     ledger: &mut Ledger,
 ) {
     let configurations = &path.configurations;
@@ -132,15 +166,46 @@ fn judge_into(
             ledger.report(Check::Stability, least, location, Subject::None);
         }
     }
-    let ends = [
-        ([Check::Start, Check::StartForces], &problem.start, 0),
-        ([Check::Goal, Check::GoalForces], &problem.goal, last),
-    ];
-    for (checks, endpoint, index) in ends.into_iter().filter(|_| with_ends) {
-        if let (Some(endpoint), true) = (endpoint, usable[index]) {
+    let conditions = Conditions {
+        problem,
+        options,
+        size,
+    };
+    if ends == Ends::OfPath {
+        use ConditionList::{Goal, Start};
+        for (checks, endpoint, described, list, index) in [
+            (
+                [Check::Start, Check::StartForces],
+                &problem.start,
+                &problem.start_form,
+                Start,
+                0,
+            ),
+            (
+                [Check::Goal, Check::GoalForces],
+                &problem.goal,
+                &problem.goal_form,
+                Goal,
+                last,
+            ),
+        ] {
+            let configuration = &configurations[index];
             let location = Location::Configuration { index };
-            statics.judge_endpoint(checks, endpoint, &configurations[index], location, ledger);
+            match endpoint {
+                _ if !usable[index] => {}
+                Some(endpoint) => {
+                    statics.judge_endpoint(checks, endpoint, configuration, location, ledger);
+                }
+                None if described.is_some() => {
+                    conditions.judge(list, configuration, location, &mut stability, ledger);
+                }
+                None => {}
+            }
         }
+    } else if ends == Ends::OfForm && usable[0] {
+        let location = Location::Configuration { index: 0 };
+        let list = ConditionList::Form;
+        conditions.judge(list, &configurations[0], location, &mut stability, ledger);
     }
     let displacements = displacements(problem, path, &usable, options, size, ledger);
     let bodies = Bodies::new(problem, ledger);

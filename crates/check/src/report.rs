@@ -3,7 +3,7 @@
 use std::{collections::HashMap, fmt};
 
 use serde::Serialize;
-use tensegra_model::{Body, Problem};
+use tensegra_model::{Body, FormCondition, Problem};
 
 /// What is judged; one figure each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
@@ -48,6 +48,11 @@ pub enum Check {
     Goal,
     /// Distance of forces and rest lengths from those stated for the goal, relative.
     GoalForces,
+    /// How far conditions on the form are missed, at an end of the path that is described by them
+    /// or in a form: lengths over the size, forces over the largest force.
+    Conditions,
+    /// Clearance of nodes and obstacles there, in units of length.
+    NodeClearance,
     /// Displacement of a node in one step, in units of length.
     Displacement,
     /// Clearance at the samples, in units of length.
@@ -63,8 +68,9 @@ pub enum Check {
     /// The largest force of any element. Reported, not judged.
     LargestForce,
     /// The smallest eigenvalue of the tangent stiffness on admissible motions, in force per
-    /// length: negative where the equilibrium is not stable. Reported, not judged; of structures
-    /// with more than a hundred coordinates at both ends of the path only.
+    /// length: negative where the equilibrium is not stable. Judged where form-finding demands
+    /// stability, else reported; of structures with more than a hundred coordinates at both ends
+    /// of the path only.
     Stability,
 }
 
@@ -100,6 +106,8 @@ impl Check {
             Self::StartForces => "forces against start",
             Self::Goal => "distance from goal",
             Self::GoalForces => "forces against goal",
+            Self::Conditions => "conditions on the form",
+            Self::NodeClearance => "clearance of nodes",
             Self::Displacement => "node displacement a step",
             Self::Clearance => "clearance at samples",
             Self::EquilibriumBetween => "equilibrium between samples",
@@ -118,6 +126,7 @@ impl Check {
             | Self::RestRanges
             | Self::ForceRanges
             | Self::BaseRange
+            | Self::NodeClearance
             | Self::Clearance
             | Self::ClearanceBetween
             | Self::Stability => Sense::AtLeast,
@@ -333,6 +342,31 @@ pub(crate) enum Subject {
     /// A coupling of the structure, and the element that follows in it.
     Coupling(usize, usize),
     Pair([Body; 2]),
+    /// A node and an obstacle.
+    NodeObstacle(usize, usize),
+    /// A condition on the form.
+    Condition(ConditionList, usize),
+}
+
+/// Conditions on the form that a problem states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum ConditionList {
+    /// Those on every form.
+    Form,
+    /// Those that describe the start.
+    Start,
+    /// Those that describe the goal.
+    Goal,
+}
+
+impl ConditionList {
+    pub(crate) fn of(self, problem: &Problem) -> &[FormCondition] {
+        match self {
+            Self::Form => &problem.form.conditions,
+            Self::Start => problem.start_form.as_deref().unwrap_or_default(),
+            Self::Goal => problem.goal_form.as_deref().unwrap_or_default(),
+        }
+    }
 }
 
 impl Subject {
@@ -351,6 +385,11 @@ impl Subject {
                 )
             }
             Self::Pair([a, b]) => format!("{} and {}", body(problem, a), body(problem, b)),
+            Self::NodeObstacle(node, obstacle) => {
+                let obstacle = body(problem, Body::Obstacle(obstacle));
+                format!("node {} and {obstacle}", structure.nodes[node].name)
+            }
+            Self::Condition(list, index) => list.of(problem)[index].describe(structure),
         }
     }
 }
@@ -578,6 +617,8 @@ const CHECKS: [Check; Check::COUNT] = [
     Check::StartForces,
     Check::Goal,
     Check::GoalForces,
+    Check::Conditions,
+    Check::NodeClearance,
     Check::Displacement,
     Check::Clearance,
     Check::EquilibriumBetween,

@@ -2,15 +2,17 @@
 //! the motors hold their rest lengths.
 //!
 //! The tangent stiffness of an element with vector d, length l and direction u is
-//! k u uᵀ + (f / l) (I − u uᵀ), the first term for elastic elements only. It is restricted to the
-//! displacements that keep supports, elements of constant length, attachments and coupled
-//! orientations, and that contain no rigid motion; its smallest eigenvalue there is the answer
-//! (Guest, 2006, "The stiffness of prestressed frameworks"). Constraints are orthonormalised by
+//! k u uᵀ + (f / l) (I − u uᵀ), the first term for elastic elements that are not slack. It is
+//! restricted to the displacements that keep supports, elements without a law (their motors hold
+//! lengths), attachments and coupled orientations, and that contain no rigid motion but those that
+//! loads resist: such as turn a load. Nodes that no force reaches are left out. Its smallest
+//! eigenvalue there is the answer (Guest, 2006, "The stiffness of prestressed frameworks").
+//! Constraints are orthonormalised by
 //! Gram–Schmidt; those that depend on others drop out. Constraint directions get a large
 //! stiffness instead of being removed. Cost for n coordinates: about 4 n³ / 3 for the eigenvalues.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
-use tensegra_model::{Configuration, Coupling, ForceLaw, Structure};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Point3, Vector3, Vector6};
+use tensegra_model::{Configuration, Coupling, Element, ForceLaw, Structure};
 
 use crate::statics::axis;
 
@@ -22,6 +24,8 @@ const CHEAP: usize = 100;
 
 pub(crate) struct Stability<'a> {
     structure: &'a Structure,
+    /// Whether a force reaches the node.
+    reached: Vec<bool>,
     /// Orthonormal directions in which no admissible displacement goes.
     constraints: Vec<DVector<f64>>,
     row: DVector<f64>,
@@ -31,8 +35,13 @@ pub(crate) struct Stability<'a> {
 impl<'a> Stability<'a> {
     pub(crate) fn new(structure: &'a Structure) -> Self {
         let n = structure.nodes.len() * structure.dimension;
+        let mut reached = vec![false; structure.nodes.len()];
+        for element in structure.elements.iter().filter(|e| e.carries_force()) {
+            element.nodes.iter().for_each(|&node| reached[node] = true);
+        }
         Self {
             structure,
+            reached,
             constraints: Vec::new(),
             row: DVector::zeros(n),
             stiffness: DMatrix::zeros(n, n),
@@ -80,6 +89,7 @@ impl<'a> Stability<'a> {
             }
             let outer = vector * vector.transpose() / (length * length);
             let elastic = match element.law {
+                ForceLaw::Linear { .. } if element.pulls_only() && force <= 0.0 => 0.0,
                 ForceLaw::Linear { stiffness, .. } => stiffness,
                 ForceLaw::None | ForceLaw::Free => 0.0,
             };
@@ -106,7 +116,8 @@ impl<'a> Stability<'a> {
             .nodes
             .iter()
             .enumerate()
-            .filter(|(_, node)| !node.balanced)
+            .filter(|(index, node)| !node.balanced || !self.reached[*index])
+            .collect::<Vec<_>>()
         {
             for axis in 0..dimension {
                 self.row[node * dimension + axis] = 1.0;
@@ -114,16 +125,15 @@ impl<'a> Stability<'a> {
             }
         }
         self.forbid_rigid_motions(configuration);
-        let rigid = structure.elements.iter().enumerate();
-        for (_, element) in rigid.filter(|(_, element)| element.has_constant_length()) {
-            self.along(positions, element.nodes, None);
-            self.enter();
+        let held =
+            |element: &&Element| element.has_constant_length() || element.law == ForceLaw::Free;
+        for element in structure.elements.iter().filter(held) {
+            self.keep(positions, &[(element.nodes, None)]);
         }
         for attachment in &structure.attachments {
             let [a, b, c] = attachment.anchors.map(|anchor| anchor.node);
             for nodes in [[a, b], [b, c], [c, a]] {
-                self.along(positions, nodes, None);
-                self.enter();
+                self.keep(positions, &[(nodes, None)]);
             }
         }
         for coupling in &structure.couplings {
@@ -138,24 +148,29 @@ impl<'a> Stability<'a> {
                 for axis in 0..dimension {
                     // Rate of u(reference) − R u(follower) along one axis.
                     let unit = Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)));
-                    let nodes = structure.elements[*reference].nodes;
-                    self.along(positions, nodes, Some(unit));
-                    let nodes = structure.elements[*follower].nodes;
-                    self.along(positions, nodes, Some(-(rotation.inverse() * unit)));
-                    self.enter();
+                    let [first, second] =
+                        [reference, follower].map(|e| structure.elements[*e].nodes);
+                    let back = -(rotation.inverse() * unit);
+                    self.keep(positions, &[(first, Some(unit)), (second, Some(back))]);
                 }
             }
         }
     }
 
+    /// Forbids what changes the sum of rates; a node that no force reaches follows the others.
+    fn keep(&mut self, positions: &[Point3<f64>], rates: &[([usize; 2], Option<Vector3<f64>>)]) {
+        let nodes = || rates.iter().flat_map(|(nodes, _)| nodes);
+        if nodes().all(|&node| self.reached[node]) {
+            for &(nodes, turn) in rates {
+                self.along(positions, nodes, turn);
+            }
+            self.enter();
+        }
+    }
+
     /// Adds to the row the rate of the distance of two nodes, or of the direction between them in
     /// the direction of `turn`.
-    fn along(
-        &mut self,
-        positions: &[nalgebra::Point3<f64>],
-        [a, b]: [usize; 2],
-        turn: Option<Vector3<f64>>,
-    ) {
+    fn along(&mut self, positions: &[Point3<f64>], [a, b]: [usize; 2], turn: Option<Vector3<f64>>) {
         let vector = positions[b] - positions[a];
         let length = vector.norm();
         if length == 0.0 {
@@ -173,16 +188,17 @@ impl<'a> Stability<'a> {
         }
     }
 
-    /// Forbids the rigid motions that leave the supports where they are.
+    /// Forbids the rigid motions that leave the supports where they are and turn no load.
     fn forbid_rigid_motions(&mut self, configuration: &Configuration) {
         let structure = self.structure;
         let positions = &configuration.positions;
         let planar = structure.dimension == 2;
-        let center =
-            positions.iter().map(|p| p.coords).sum::<Vector3<f64>>() / positions.len() as f64;
-        let reach = positions
-            .iter()
-            .map(|p| (p.coords - center).norm())
+        let reached = || (0..positions.len()).filter(|&node| self.reached[node]);
+        let count = reached().count().max(1) as f64;
+        let sum: Vector3<f64> = reached().map(|node| positions[node].coords).sum();
+        let center = sum / count;
+        let reach = reached()
+            .map(|node| (positions[node].coords - center).norm())
             .fold(f64::MIN_POSITIVE, f64::max);
         let velocity = |node: usize, mode: &Vector6<f64>| {
             let turn = Vector3::new(mode[3], mode[4], mode[5]);
@@ -197,13 +213,19 @@ impl<'a> Stability<'a> {
                 .into_iter()
                 .for_each(|mode| form[(mode, mode)] = 1.0);
         }
-        for (node, _) in structure
-            .nodes
-            .iter()
-            .enumerate()
-            .filter(|(_, node)| !node.balanced)
-        {
-            let unit = |mode: usize| Vector6::from_fn(|i, _| f64::from(u8::from(i == mode)));
+        let unit = |mode: usize| Vector6::from_fn(|i, _| f64::from(u8::from(i == mode)));
+        let loads = structure.nodes.iter().map(|node| node.load);
+        let strongest = loads.clone().map(|load| load.norm()).fold(0.0, f64::max);
+        for load in loads.filter(|load| load.norm() > DEPENDENT * strongest) {
+            // What a turn adds to the load, again as a quadratic form.
+            let turned = |mode: usize| unit(mode).fixed_rows::<3>(3).cross(&load) / strongest;
+            for i in 3..6 {
+                for j in 3..6 {
+                    form[(i, j)] += turned(i).dot(&turned(j));
+                }
+            }
+        }
+        for node in reached().filter(|&node| !structure.nodes[node].balanced) {
             for i in 0..6 {
                 for j in 0..6 {
                     form[(i, j)] += velocity(node, &unit(i)).dot(&velocity(node, &unit(j)));
@@ -214,7 +236,7 @@ impl<'a> Stability<'a> {
         for (mode, value) in eigen.eigenvalues.iter().enumerate() {
             if *value < DEPENDENT {
                 let motion = eigen.eigenvectors.column(mode).into_owned();
-                for node in 0..structure.nodes.len() {
+                for node in (0..structure.nodes.len()).filter(|&node| self.reached[node]) {
                     let velocity = velocity(node, &motion);
                     for axis in 0..structure.dimension {
                         self.row[node * structure.dimension + axis] = velocity[axis];

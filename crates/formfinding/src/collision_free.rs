@@ -72,8 +72,7 @@ const NEGLIGIBLE: f64 = 1e-4;
 ///     .cable("c3", ["a", "d"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .cable("c4", ["b", "d"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .fix_coordinate("b", 1, 0.0)
-///     .build()
-///     .map_err(|errors| errors[0].to_string())?;
+///     .build()?;
 /// let mut problem = Problem::new("cross", structure);
 /// let tip = FormCondition::centroid(&[3], [0.2, 0.6, 0.0]);
 /// let forms = FormProblem::new(&problem, &[tip])?.find(1, 20)?;
@@ -367,7 +366,8 @@ impl FormProblem {
             Some(Group::Stability),
             Some(Group::Clearance),
             Some(Group::Balance),
-            Some(Group::Ranges),
+            Some(Group::Forces),
+            Some(Group::Lengths),
             None,
         ];
         for group in groups {
@@ -575,7 +575,8 @@ impl<'f, 'a> Search<'f, 'a> {
             if violation <= NEGLIGIBLE {
                 continue;
             }
-            if group.is_some_and(|group| group != Group::Ranges) {
+            let of = self.frame.group_of_variable(variable);
+            if group.is_some_and(|group| group != of) {
                 return None;
             }
             sum += violation;
@@ -583,7 +584,7 @@ impl<'f, 'a> Search<'f, 'a> {
                 violation,
                 Unmet {
                     constraint: self.frame.describe_variable(variable),
-                    group: Group::Ranges,
+                    group: of,
                     violation,
                 },
             ));

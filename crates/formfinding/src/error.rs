@@ -70,7 +70,14 @@ impl Group {
                 "no admissible forces carry the loads",
                 "lower the loads, or widen the ranges of forces and rest lengths",
             ),
-            Self::Ranges => ("ranges contradict each other", "widen one of them"),
+            Self::Forces => (
+                "the ranges of forces and rest lengths contradict each other",
+                "widen one of them",
+            ),
+            Self::Lengths => (
+                "the lengths contradict each other",
+                "widen one of their ranges",
+            ),
         }
     }
 }

@@ -75,8 +75,7 @@ pub enum ForceDensityError {
 ///     .support("a")
 ///     .support("c")
 ///     .load("b", [0.0, -1.0, 0.0])
-///     .build()
-///     .map_err(|errors| errors[0].clone())?;
+///     .build()?;
 /// let given = [0.0, 0.0, 4.0].map(|x| Point3::new(x, 0.0, 0.0));
 /// let found = force_density_positions(&structure, &[1.0, 3.0], &given)?;
 /// assert!((found[1] - Point3::new(3.0, -0.25, 0.0)).norm() < 1e-14);
@@ -220,8 +219,7 @@ pub fn free_standing_shape(
 /// let structure = builder
 ///     .strut("s1", ["a", "c"], 1.0)
 ///     .strut("s2", ["b", "d"], 1.0)
-///     .build()
-///     .map_err(|errors| errors[0].clone())?;
+///     .build()?;
 /// let q = critical_force_density(&structure, &[1.0, 1.0, 1.0, 1.0, 0.0, 0.0], &[4, 5])?;
 /// assert!((q + 1.0).abs() < 1e-14);
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -4,11 +4,11 @@ use nalgebra::Vector3;
 use tensegra_atlas::{ImplicitManifold, SparseRow};
 use tensegra_collision::Solid;
 use tensegra_model::{
-    Body, Environment, EquilibriumManifold, FormCondition, FormSettings, FreeSpace, Interval,
-    NodesManifold,
+    Actuation, Body, Environment, EquilibriumManifold, FormCondition, FormSettings, FreeSpace,
+    Interval, NodesManifold, Stability,
 };
 
-use crate::{cylinders::Cylinders, stiffness::LeastStiffness};
+use crate::cylinders::Cylinders;
 
 /// What a constraint is about; the rows of a group are relaxed together when a cause is sought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -22,8 +22,20 @@ pub enum Group {
     Clearance,
     /// Force balance.
     Balance,
-    /// Constant lengths, pretension, couplings, and ranges.
-    Ranges,
+    /// Rest lengths and forces: their ranges, pretension, and couplings.
+    Forces,
+    /// Lengths: constant ones, their ranges, coupled lengths and directions.
+    Lengths,
+}
+
+impl Group {
+    const fn geometric(is_geometric: bool) -> Self {
+        if is_geometric {
+            Self::Lengths
+        } else {
+            Self::Forces
+        }
+    }
 }
 
 /// One row of the programme.
@@ -57,7 +69,7 @@ pub(crate) struct Frame<'a> {
     pub(crate) conditions: &'a [FormCondition],
     pub(crate) solids: &'a [(usize, Solid)],
     pub(crate) environment: &'a Environment,
-    pub(crate) stiffness: LeastStiffness<'a>,
+    pub(crate) stability: Stability<'a>,
     pub(crate) rows: Vec<RowData>,
     pub(crate) stiffness_unit: f64,
 }
@@ -71,7 +83,7 @@ impl<'a> Frame<'a> {
         conditions: &'a [FormCondition],
         solids: &'a [(usize, Solid)],
     ) -> Self {
-        let stiffness = LeastStiffness::new(manifold.structure());
+        let stability = Stability::new(manifold.structure(), Actuation::Length);
         let mut frame = Self {
             manifold,
             free,
@@ -79,7 +91,7 @@ impl<'a> Frame<'a> {
             conditions,
             solids,
             environment,
-            stiffness,
+            stability,
             rows: Vec::new(),
             stiffness_unit: manifold.force_unit() / manifold.size(),
         };
@@ -101,7 +113,7 @@ impl<'a> Frame<'a> {
                 group: if equation < self.manifold.balance_count() {
                     Group::Balance
                 } else {
-                    Group::Ranges
+                    Group::geometric(self.manifold.equation_is_geometric(equation))
                 },
                 range: equal,
                 columns,
@@ -115,7 +127,7 @@ impl<'a> Frame<'a> {
             self.manifold.limit_gradient(limit, &generic, &mut sparse);
             rows.push(RowData {
                 row: Row::Limit(limit),
-                group: Group::Ranges,
+                group: Group::geometric(self.manifold.limit_is_geometric(limit)),
                 range: above(0.0),
                 columns: columns_of(&sparse),
             });
@@ -266,6 +278,11 @@ impl<'a> Frame<'a> {
     /// Group of a row.
     pub(crate) fn group(&self, row: usize) -> Group {
         self.rows[row].group
+    }
+
+    /// Group of the range of a variable.
+    pub(crate) fn group_of_variable(&self, variable: usize) -> Group {
+        Group::geometric(self.manifold.variable_is_geometric(variable))
     }
 
     /// A row in words, and the unit of its value.

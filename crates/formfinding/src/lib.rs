@@ -24,7 +24,6 @@ mod inverse;
 mod loss;
 mod program;
 mod start;
-mod stiffness;
 
 pub use alignment::alignment;
 pub use collision_free::{Form, FormProblem, Forms, RESIDUAL};
@@ -37,4 +36,3 @@ pub use force_density::{
 pub use frame::Group;
 pub use inverse::{InverseError, InverseForm, InverseOptions, rest_lengths};
 pub use loss::{Loss, losses};
-pub use stiffness::{LeastStiffness, Softest};

@@ -76,7 +76,10 @@ impl Program<'_, '_> {
     /// The least stiffness at x, in force per length.
     pub(crate) fn least_stiffness(&mut self, x: &[f64]) -> Option<f64> {
         self.place(x);
-        let softest = self.frame.stiffness.at(&self.positions, &self.densities)?;
+        let softest = self
+            .frame
+            .stability
+            .softest(&self.positions, &self.densities)?;
         Some(softest.eigenvalue)
     }
 
@@ -202,8 +205,8 @@ impl Program<'_, '_> {
                 }
                 let _ = x;
                 frame
-                    .stiffness
-                    .at(&self.positions, &self.densities)
+                    .stability
+                    .softest(&self.positions, &self.densities)
                     .map_or(1e6, |softest| softest.eigenvalue / frame.stiffness_unit)
             }
         }
@@ -325,7 +328,7 @@ impl Program<'_, '_> {
         if !self.stable {
             return;
         }
-        let Some(softest) = frame.stiffness.at(&self.positions, &self.densities) else {
+        let Some(softest) = frame.stability.softest(&self.positions, &self.densities) else {
             return;
         };
         let unit = frame.stiffness_unit;

@@ -26,8 +26,7 @@
 //! let structure = StructureBuilder::planar()
 //!     .strut("s", ["foot", "tip"], 1.0)
 //!     .cable("c", ["tip", "wall"], 0.1..=3.0, 10.0, 0.0..=2.0)
-//!     .build()
-//!     .map_err(|errors| errors[0].to_string())?;
+//!     .build()?;
 //! let turned = |angle: f64| {
 //!     let positions = [[0.0, 0.0, 0.0], [angle.cos(), angle.sin(), 0.0], [-1.0, 1.0, 0.0]];
 //!     let positions = positions.map(Into::into).to_vec();

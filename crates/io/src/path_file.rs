@@ -50,6 +50,11 @@ pub struct PathFile {
     /// Whether the motion ends where it does, not at the problem's goal: one
     /// that was traced, not planned.
     pub open_end: bool,
+    /// Whether the motion begins where it does, not at the problem's start.
+    pub open_start: bool,
+    /// Whether this is one configuration that meets what the problem's table
+    /// `[formfind]` asks for.
+    pub form: bool,
     /// Statistics of planning by name, among them `planning_seconds`.
     pub statistics: Value,
     /// Verdict of the checker; null where it has not been run.
@@ -235,6 +240,8 @@ impl PathFile {
             elements: element_records(structure),
             path,
             open_end: false,
+            open_start: false,
+            form: false,
             statistics: Value::Null,
             check: Value::Null,
         }
@@ -454,6 +461,8 @@ pub fn read_path_file(file: &FilePath) -> Result<PathFile, ReadError> {
             configurations: record.configurations,
         },
         open_end: record.open_end,
+        open_start: record.open_start,
+        form: record.form,
         statistics: record.statistics,
         check: record.check,
     })
@@ -495,6 +504,10 @@ struct Record {
     configurations: Vec<Configuration>,
     #[serde(default)]
     open_end: bool,
+    #[serde(default)]
+    open_start: bool,
+    #[serde(default)]
+    form: bool,
     #[serde(default)]
     statistics: Value,
     #[serde(default)]
@@ -557,6 +570,10 @@ struct View<'a> {
     elements: &'a [ElementRecord],
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     open_end: bool,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    open_start: bool,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    form: bool,
     configurations: Vec<ConfigurationView<'a>>,
     statistics: &'a Value,
     check: &'a Value,
@@ -602,6 +619,8 @@ fn encode(contents: &PathFile, problem: &ProblemReference) -> Result<Vec<u8>, Pa
         nodes: &contents.nodes,
         elements: &contents.elements,
         open_end: contents.open_end,
+        open_start: contents.open_start,
+        form: contents.form,
         configurations: contents
             .path
             .configurations

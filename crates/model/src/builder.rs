@@ -11,6 +11,7 @@ use std::{
 use nalgebra::{Point3, Rotation3, Vector3};
 
 use crate::{
+    build_errors::BuildErrors,
     diagnostic::did_you_mean,
     structure::{
         Anchor, Appearance, AttachedShape, Attachment, Coupling, Element, ElementKind,
@@ -201,8 +202,7 @@ pub(crate) struct AttachmentSpec {
 ///     .cable("c3", ["a", "d"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .cable("c4", ["b", "d"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .fix_coordinate("b", 1, 0.0)
-///     .build()
-///     .map_err(|errors| errors[0].to_string())?;
+///     .build()?;
 /// assert_eq!(structure.nodes.len(), 4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -433,14 +433,11 @@ impl StructureBuilder {
     ///
     /// # Errors
     /// Everything that is wrong, in the order of declaration.
-    pub fn build(self) -> Result<Structure, Vec<StructureError>> {
+    pub fn build(self) -> Result<Structure, BuildErrors<StructureError>> {
         let mut build = Build::default();
         let structure = build.structure(self);
-        if build.errors.is_empty() {
-            Ok(structure)
-        } else {
-            Err(build.errors)
-        }
+        BuildErrors::none_of(build.errors)?;
+        Ok(structure)
     }
 }
 

@@ -56,8 +56,7 @@ pub enum EffortError {
 /// let structure = StructureBuilder::planar()
 ///     .element(rod)
 ///     .free_flying([2.0, 2.0, 0.0])
-///     .build()
-///     .map_err(|errors| errors[0].to_string())?;
+///     .build()?;
 /// let at = |x: f64, y: f64| Configuration {
 ///     positions: vec![Point3::new(x, y, 0.0), Point3::new(x + 1.0, y, 0.0)],
 ///     lengths: vec![1.0],

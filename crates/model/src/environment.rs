@@ -6,7 +6,7 @@ use nalgebra::Point3;
 use tensegra_collision::{MeshError, ShapeError, Solid};
 use thiserror::Error;
 
-use crate::{diagnostic::did_you_mean, structure::Structure};
+use crate::{build_errors::BuildErrors, diagnostic::did_you_mean, structure::Structure};
 
 /// Whether a body collides and is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -286,8 +286,7 @@ const MAX_PAIRS: usize = 2_000_000;
 /// let structure = StructureBuilder::planar()
 ///     .strut("s1", ["a", "b"], 1.0)
 ///     .cable("c1", ["b", "a"], 0.5..=2.0, 1.0, 0.0..=2.0)
-///     .build()
-///     .map_err(|errors| errors[0].to_string())?;
+///     .build()?;
 /// let ball = Obstacle {
 ///     name: "ball".into(),
 ///     shape: Shape::Sphere { center: Point3::new(3.0, 0.0, 0.0), radius: 0.5 },
@@ -298,8 +297,7 @@ const MAX_PAIRS: usize = 2_000_000;
 ///     .obstacle(ball)
 ///     .check_all()
 ///     .ignore_connected()
-///     .build(&structure)
-///     .map_err(|errors| errors[0].clone())?;
+///     .build(&structure)?;
 /// assert_eq!(environment.pairs.len(), 2);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -366,7 +364,10 @@ impl EnvironmentBuilder {
     ///
     /// # Errors
     /// Everything that is wrong, in the order of declaration.
-    pub fn build(self, structure: &Structure) -> Result<Environment, Vec<EnvironmentError>> {
+    pub fn build(
+        self,
+        structure: &Structure,
+    ) -> Result<Environment, BuildErrors<EnvironmentError>> {
         let mut errors = Vec::new();
         let mut bodies = Bodies::new(structure);
         for (index, obstacle) in self.obstacles.iter().enumerate() {
@@ -386,15 +387,13 @@ impl EnvironmentBuilder {
                 });
             }
         }
-        if !errors.is_empty() {
-            return Err(errors);
-        }
-        let pairs = rules.pairs(structure, &bodies).map_err(|flaw| {
-            vec![EnvironmentError {
+        BuildErrors::none_of(errors)?;
+        let pairs = rules
+            .pairs(structure, &bodies)
+            .map_err(|flaw| EnvironmentError {
                 place: EnvironmentPlace::Rule(rules.all.map_or(0, |(index, _)| index), 0),
                 flaw,
-            }]
-        })?;
+            })?;
         Ok(Environment {
             obstacles: self.obstacles,
             pairs,

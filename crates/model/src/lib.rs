@@ -7,6 +7,7 @@
 //! referred to by their index in the order of declaration; names are for people
 //! and files.
 
+mod build_errors;
 mod builder;
 mod configuration;
 mod declarations;
@@ -19,12 +20,13 @@ mod form;
 mod free_space;
 mod problem;
 mod problem_file;
-mod stability;
+mod stable;
 pub mod statics;
 mod structure;
 mod tens;
 mod validate;
 
+pub use build_errors::BuildErrors;
 pub use builder::{ElementSpec, StructureBuilder};
 pub use configuration::{Configuration, Path};
 pub use diagnostic::{Finding, ReadErrors, Severity, SourceFile};
@@ -40,7 +42,8 @@ pub use equilibrium::{
 pub use form::{FormCondition, FormCost, FormSettings};
 pub use free_space::{BodyError, Closest, FreeSpace, Memory};
 pub use problem::{Endpoint, Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius};
-pub use stability::{Actuation, Stability, Stable};
+pub use stable::Stable;
+pub use statics::{Actuation, Stability};
 pub use structure::{
     Anchor, Appearance, AttachedShape, Attachment, Coupling, Element, ElementKind, FixedCoordinate,
     ForceLaw, Interval, Node, Structure,

@@ -9,7 +9,7 @@ use crate::{
     environment::Environment,
     form::{FormCondition, FormSettings},
     problem_file,
-    stability::Actuation,
+    statics::Actuation,
     structure::Structure,
 };
 

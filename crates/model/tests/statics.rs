@@ -1,183 +1,22 @@
 //! Statics against closed forms, and what must not change it.
 
-use std::{f64::consts::TAU, path::PathBuf};
+use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Point3, Vector3};
-use serde::Deserialize;
 use tensegra_model::{
-    Actuation, Configuration, ElementKind, ElementSpec, Structure, StructureBuilder,
+    Actuation, Configuration, ElementKind, ElementSpec, StructureBuilder,
     statics::{
         EquilibriumMatrix, MatrixAnalysis, PrestressStability, StaticsError, StiffnessSpectrum,
         SuperStability, force_densities, force_density_matrix, lumped_masses, natural_frequencies,
     },
 };
 
-/// What a closed form says.
-#[derive(Deserialize)]
-struct Expected {
-    rank: usize,
-    self_stress_states: usize,
-    mechanisms: usize,
-    densities: Vec<f64>,
-    eigenvalues: Vec<f64>,
-    stiffened: Vec<f64>,
-}
-
-#[derive(Deserialize)]
-struct Prism {
-    sides: usize,
-    #[serde(flatten)]
-    expected: Expected,
-}
-
-#[derive(Deserialize)]
-struct Octahedron {
-    nodes: Vec<[f64; 3]>,
-    struts: Vec<[usize; 2]>,
-    cables: Vec<[usize; 2]>,
-    cable_over_strut: f64,
-    #[serde(flatten)]
-    expected: Expected,
-}
-
-#[derive(Deserialize)]
-struct ClosedForms {
-    prism: Vec<Prism>,
-    octahedron: Octahedron,
-    hexagon: Expected,
-    square: Expected,
-}
-
-fn closed_forms() -> ClosedForms {
-    let file = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../fixtures/statics/closed_forms.toml"
-    );
-    toml::from_str(&std::fs::read_to_string(PathBuf::from(file)).unwrap()).unwrap()
-}
-
-/// A structure with positions, and the group of each element.
-#[derive(Clone)]
-struct Case {
-    structure: Structure,
-    positions: Vec<Point3<f64>>,
-    groups: Vec<usize>,
-}
-
-const STIFFNESS: [f64; 3] = [100.0, 10.0, 20.0];
-
-/// Elements by group: rods first, then cables. Supports are by node.
-fn case(
-    dimension: usize,
-    points: &[[f64; 3]],
-    groups: &[Vec<[usize; 2]>],
-    supports: &[usize],
-) -> Case {
-    let mut builder = match dimension {
-        2 => StructureBuilder::planar(),
-        _ => StructureBuilder::spatial(),
-    };
-    let mut order: Vec<usize> = Vec::new();
-    let mut of = Vec::new();
-    for (group, pairs) in groups.iter().enumerate() {
-        for (i, pair) in pairs.iter().enumerate() {
-            let kind = [ElementKind::Prismatic, ElementKind::Cable][group.min(1)];
-            let nodes = pair.map(|node| format!("n{node}"));
-            let spec = ElementSpec::new(kind, format!("e{group}.{i}"), nodes, [5.0, 9.0])
-                .stiffness(STIFFNESS[group])
-                .rest(0.0..=9.0);
-            builder = builder.element(spec);
-            of.push(group);
-            for node in pair {
-                if !order.contains(node) {
-                    order.push(*node);
-                }
-            }
-        }
-    }
-    for node in supports {
-        builder = builder.support(&format!("n{node}"));
-    }
-    Case {
-        structure: builder.build().unwrap(),
-        positions: order
-            .iter()
-            .map(|&node| Point3::from(points[node]))
-            .collect(),
-        groups: of,
-    }
-}
-
-impl Case {
-    /// The configuration with the self-stress in which the first element has this
-    /// force density.
-    fn prestressed(&self, first: f64) -> Configuration {
-        let matrix = EquilibriumMatrix::new(&self.structure, &self.positions).unwrap();
-        let analysis = MatrixAnalysis::new(&matrix, &self.positions);
-        assert_eq!(analysis.self_stress.ncols(), 1);
-        let lengths: Vec<f64> = self
-            .structure
-            .elements
-            .iter()
-            .map(|element| {
-                let [a, b] = element.nodes;
-                (self.positions[b] - self.positions[a]).norm()
-            })
-            .collect();
-        let stress = analysis.self_stress.column(0);
-        let scale = first * lengths[0] / stress[0];
-        let forces: Vec<f64> = stress.iter().map(|force| scale * force).collect();
-        let rest = forces
-            .iter()
-            .zip(&lengths)
-            .zip(&self.structure.elements)
-            .map(|((force, length), element)| Some(length - force / element.stiffness().unwrap()));
-        Configuration {
-            positions: self.positions.clone(),
-            rest_lengths: rest.collect(),
-            forces: forces.iter().map(|force| Some(*force)).collect(),
-            lengths,
-        }
-    }
-}
-
-fn ring(n: usize, at: usize) -> Vec<[usize; 2]> {
-    (0..n).map(|i| [at + i, at + (i + 1) % n]).collect()
-}
-
-/// The regular prism with n struts.
-fn prism(n: usize) -> Case {
-    let twist = TAU / 4.0 - TAU / 2.0 / n as f64;
-    let point = |i: usize, turn: f64, z: f64| {
-        let angle = TAU * i as f64 / n as f64 + turn;
-        [angle.cos(), angle.sin(), z]
-    };
-    let lower = (0..n).map(|i| point(i, 0.0, 0.0));
-    let upper = (0..n).map(|i| point(i, -twist, 1.0));
-    let points: Vec<[f64; 3]> = lower.chain(upper).collect();
-    let struts = (0..n).map(|i| [i, n + (i + n - 1) % n]).collect();
-    let vertical = (0..n).map(|i| [i, n + i]).collect();
-    let polygons = [ring(n, 0), ring(n, n)].concat();
-    case(3, &points, &[struts, polygons, vertical], &[])
-}
-
-fn octahedron(data: &Octahedron) -> Case {
-    case(
-        3,
-        &data.nodes,
-        &[data.struts.clone(), data.cables.clone()],
-        &[],
-    )
-}
-
-fn polygon(n: usize) -> Case {
-    let points: Vec<[f64; 3]> = (0..n)
-        .map(|i| TAU * i as f64 / n as f64)
-        .map(|angle| [angle.cos(), angle.sin(), 0.0])
-        .collect();
-    let struts = (0..n / 2).map(|i| [i, i + n / 2]).collect();
-    case(2, &points, &[struts, ring(n, 0)], &[])
-}
+#[path = "support/closed_forms.rs"]
+mod closed_forms;
+use closed_forms::{
+    Case, Expected, case, closed_forms, octahedron, polygon, prism, tower, tower_overlap,
+    two_layer_prism,
+};
 
 fn assert_close(found: &[f64], expected: &[f64], tolerance: f64) {
     assert_eq!(found.len(), expected.len(), "{found:?} for {expected:?}");
@@ -256,6 +95,80 @@ fn planar_polygons_have_their_closed_forms() {
     let forms = closed_forms();
     compare(&polygon(6), &forms.hexagon);
     compare(&polygon(4), &forms.square);
+}
+
+/// Ranks, and that force densities by group are a self-stress; where there is but one, that it is
+/// found.
+fn compare_on_supports(case: &Case, states: usize, mechanisms: usize, densities: &[f64]) {
+    let matrix = EquilibriumMatrix::new(&case.structure, &case.positions).unwrap();
+    let analysis = MatrixAnalysis::new(&matrix, &case.positions);
+    assert_eq!(analysis.self_stress.ncols(), states);
+    assert_eq!(analysis.mechanisms.ncols(), mechanisms);
+    assert_eq!(analysis.rigid_motions.ncols(), 0);
+    let configuration = case.stressed(densities);
+    let forces = nalgebra::DVector::from_fn(matrix.elements().len(), |e, _| {
+        configuration.forces[e].unwrap()
+    });
+    let unbalanced = (matrix.matrix() * &forces).amax();
+    assert!(unbalanced < 1e-10 * forces.amax(), "{unbalanced:e}");
+    let across = analysis.self_stress.tr_mul(&forces);
+    let outside = (&forces - &analysis.self_stress * across).norm();
+    assert!(outside < 1e-10 * forces.norm(), "{outside:e}");
+    let prestress =
+        PrestressStability::new(&case.structure, &configuration, &matrix, &analysis).unwrap();
+    assert!(prestress.is_stable(), "{:?}", prestress.eigenvalues);
+}
+
+#[test]
+fn the_prism_of_two_layers_has_its_closed_form() {
+    let data = closed_forms().two_layer_prism;
+    let case = two_layer_prism(&data);
+    let (states, mechanisms) = (data.self_stress_states, data.mechanisms);
+    compare_on_supports(&case, states, mechanisms, &data.densities);
+}
+
+#[test]
+fn the_tower_of_two_stages_has_its_closed_form() {
+    let data = closed_forms().tower;
+    for shape in &data.shapes {
+        assert!((tower_overlap(&data, shape) - shape.overlap).abs() < 1e-12);
+        let case = tower(&data, shape);
+        let highest = case.positions.iter().map(|p| p.z).fold(0.0, f64::max);
+        assert!((highest - shape.height).abs() < 1e-12);
+        let densities = tower_densities(&case);
+        for (exact, printed) in densities.iter().zip(&shape.densities) {
+            assert!((exact - printed).abs() < 6e-6, "{exact} {printed}");
+        }
+        compare_on_supports(&case, data.self_stress_states, data.mechanisms, &densities);
+    }
+}
+
+/// Force densities of the tower with −1 in the bars: those of the cables balance an upper end of
+/// a lower bar, three equations; that of the triangle balances a node on top, along its radius.
+fn tower_densities(case: &Case) -> Vec<f64> {
+    let node = |name: &str| case.structure.node_index(name).unwrap();
+    let pulls = |at: usize| {
+        let mut pulls = [Vector3::zeros(); 5];
+        for (element, &group) in case.structure.elements.iter().zip(&case.groups) {
+            let [a, b] = element.nodes;
+            if let Some(other) = [(a, b), (b, a)].iter().find(|pair| pair.0 == at) {
+                pulls[group] += case.positions[other.1] - case.positions[at];
+            }
+        }
+        pulls
+    };
+    let [bar, cables @ .., _] = pulls(node("n3"));
+    let balance = nalgebra::Matrix3::from_columns(&cables);
+    let cables = balance.lu().solve(&bar).unwrap();
+    let top = node("n9");
+    let [bar, saddle, vertical, diagonal, triangle] = pulls(top);
+    let load = -bar + saddle * cables[0] + vertical * cables[1] + diagonal * cables[2];
+    let ring = -load.dot(&triangle) / triangle.norm_squared();
+    assert!(
+        (load + triangle * ring).norm() < 1e-12,
+        "the plate is in balance"
+    );
+    vec![-1.0, cables[0], cables[1], cables[2], ring]
 }
 
 /// Everything that must not depend on how a structure is written down, or scale.
@@ -379,7 +292,11 @@ fn relabelling_of_nodes_changes_nothing() {
 }
 
 fn super_case(points: &[[f64; 3]], struts: &[[usize; 2]], cables: &[[usize; 2]]) -> Case {
-    case(3, points, &[struts.to_vec(), cables.to_vec()], &[])
+    let groups = [
+        (ElementKind::Prismatic, struts.to_vec()),
+        (ElementKind::Cable, cables.to_vec()),
+    ];
+    case(3, points, &groups, &[])
 }
 
 #[test]
@@ -458,7 +375,11 @@ fn structures_on_a_conic_are_not_super_stable() {
         [0.0, 1.0, 0.0],
     ];
     let sides = vec![[0, 1], [1, 2], [2, 3], [3, 0]];
-    let case = case(2, &points, &[vec![[0, 2], [1, 3]], sides], &[]);
+    let groups = [
+        (ElementKind::Prismatic, vec![[0, 2], [1, 3]]),
+        (ElementKind::Cable, sides),
+    ];
+    let case = case(2, &points, &groups, &[]);
     let mut configuration = case.prestressed(-1.0);
     assert!(
         !SuperStability::new(&case.structure, &configuration)

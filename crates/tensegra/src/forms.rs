@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use tensegra_check::{CheckOptions, Report, check_configuration};
+use tensegra_check::{CheckOptions, Report, check_form};
 use tensegra_formfinding::{FormError, FormProblem, Forms};
 use tensegra_model::{Configuration, Endpoint, Problem};
 
@@ -80,15 +80,11 @@ pub fn formfind(problem: &Problem, options: FormOptions) -> Result<JudgedForms, 
         // Without threads of its own it works on those there are.
         Some(Err(_)) | None => find()?,
     };
-    let check = CheckOptions::default().with_min_clearance(if problem.form.infinite_cylinders {
-        0.0
-    } else {
-        problem.form.clearance
-    });
+    let check = CheckOptions::default();
     let reports = forms
         .forms
         .iter()
-        .map(|form| check_configuration(problem, &form.configuration, &check))
+        .map(|form| check_form(problem, &form.configuration, &check))
         .collect();
     Ok(JudgedForms {
         forms,

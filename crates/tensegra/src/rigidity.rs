@@ -1,12 +1,12 @@
 //! What statics says of a structure at its start, in figures and in plain words.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 use tensegra_formfinding::{Loss, losses};
 use tensegra_model::{
     Actuation, Configuration, Structure,
     statics::{
-        EquilibriumMatrix, MatrixAnalysis, PrestressStability, StaticsError, StiffnessSpectrum,
-        SuperStability, admissible_motions, force_densities, geometric_stiffness, lumped_masses,
+        AdmissibleMotions, EquilibriumMatrix, MatrixAnalysis, PrestressStability, StaticsError,
+        StiffnessSpectrum, SuperStability, force_densities, geometric_stiffness, lumped_masses,
         material_stiffness, natural_frequencies,
     },
 };
@@ -349,11 +349,11 @@ fn buckling_factor(
     configuration: &Configuration,
 ) -> Result<Option<f64>, StaticsError> {
     let freedoms = tensegra_model::statics::Freedoms::new(structure);
-    let motions = admissible_motions(structure, &configuration.positions, &freedoms)?;
-    let reduce = |matrix: DMatrix<f64>| motions.transpose() * matrix * &motions;
+    let positions = &configuration.positions;
+    let motions = AdmissibleMotions::new(structure, positions, &freedoms, Actuation::Length)?;
     let material = material_stiffness(structure, configuration, &freedoms, Actuation::Length)?;
-    let geometric = reduce(geometric_stiffness(structure, configuration, &freedoms)?);
-    let now = reduce(material) + &geometric;
+    let geometric = motions.reduce(geometric_stiffness(structure, configuration, &freedoms)?);
+    let now = motions.reduce(material) + &geometric;
     let Some(cholesky) = now.cholesky().filter(|_| !geometric.is_empty()) else {
         return Ok(None);
     };

@@ -49,6 +49,15 @@ struct Figures {
     seconds: Vec<(String, Vec<f64>)>,
 }
 
+impl Figures {
+    /// Keeps times to be drawn, where there are any.
+    fn distribution(&mut self, label: String, seconds: Vec<f64>) {
+        if !seconds.is_empty() {
+            self.seconds.push((label, seconds));
+        }
+    }
+}
+
 pub fn measure(arguments: &BenchArguments) -> Result<Results, Error> {
     let mut names = vec!["starts".to_owned(), poses::CASE.to_owned()];
     names.extend(FORMFOUND.map(str::to_owned));
@@ -156,9 +165,7 @@ fn starts(arguments: &BenchArguments, figures: &mut Figures) -> Result<(), Error
     restarted.variant = "five restarts".to_owned();
     restarted.success = groups;
     figures.rows.extend([time, steps, restarted]);
-    figures
-        .seconds
-        .push(("prism, one start".to_owned(), seconds));
+    figures.distribution("prism, one start".to_owned(), seconds);
     Ok(())
 }
 
@@ -187,10 +194,8 @@ fn endpoints(name: &str, arguments: &BenchArguments, figures: &mut Figures) -> R
         row(name, "CPU time of start and goal", "s", count, &finding),
         row(name, "planning time", "s", count, &planning),
     ]);
-    if !finding.is_empty() {
-        let label = format!("{name}, start and goal ({}/{count})", finding.len());
-        figures.seconds.push((label, finding));
-    }
+    let label = format!("{name}, start and goal ({}/{count})", finding.len());
+    figures.distribution(label, finding);
     Ok(())
 }
 

@@ -156,8 +156,7 @@ fn tower(stages: usize) -> Result<Problem, Error> {
         .fix_coordinate("l0a", 1, -HALF_HEIGHT)
         .fix_coordinate("l0b", 0, 0.0)
         .fix_coordinate("l0b", 1, HALF_HEIGHT)
-        .build()
-        .map_err(|errors| errors[0].clone())?;
+        .build()?;
     let [start, goal] = PITCHES.map(|pitch| endpoint(&structure, pitch));
     let tips = PITCHES.map(|pitch| pitch * (stages - 1) as f64 + REACH);
     let end = format!("e{}", 4 * stages - 1);
@@ -172,8 +171,7 @@ fn tower(stages: usize) -> Result<Problem, Error> {
             color: None,
         })
         .check(&end, "ball")
-        .build(&structure)
-        .map_err(|errors| errors[0].clone())?;
+        .build(&structure)?;
     let mut problem = Problem::new(format!("tower of {stages} stages"), structure);
     problem.environment = environment;
     problem.start = Some(start);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use tensegra::{
-    check::{CheckOptions, Report, check_path},
+    check::{CheckOptions, Report, check_form, check_path},
     io::{read_format, read_path_file, read_walk_file},
     lar::{WALK_FORMAT, WalkCheckOptions, WalkFacts, check_walk},
 };
@@ -17,17 +17,19 @@ use crate::failure::Failure;
 
 /// Judge a path or a walk by code that shares nothing with the planner.
 ///
-/// Of a path: equilibrium, ranges, start and goal, and clearance at and
-/// between the configurations. Of a walk: every constraint at the
+/// Of a path: equilibrium, ranges, start and goal (or the conditions that describe
+/// them), and clearance at and between the configurations. Of a form: equilibrium,
+/// ranges, and what the problem's table [formfind] asks for. Of a walk: every constraint at the
 /// configurations and between them, the rule of rolling, standing nodes that do
 /// not slide, waypoints and obstacles. Prints each worst figure.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     tensegra check out/kite/path.json\n  \
+    tensegra check out/formfinding-prism/best.json\n  \
     tensegra check out/two-tier-s/walk.json --problem fixtures/lar/two-tier-s.toml\n\n\
     Exit status: 0 accepted, 1 refused, 2 bad input.")]
 pub struct Arguments {
-    /// Path file (JSON) written by `tensegra plan` or `tensegra trace`, or
+    /// Path file (JSON) written by `tensegra plan`, `trace` or `formfind`, or
     /// walk file written by `tensegra walk`; its member `format` tells which.
     path: PathBuf,
     /// Problem to judge it against [default: the one that the path names; for a
@@ -85,12 +87,16 @@ fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {
     contents
         .check_structure(file, &problem)
         .map_err(Failure::message)?;
-    if contents.open_end {
-        problem.goal = None;
+    if contents.open_start {
+        (problem.start, problem.start_form) = (None, None);
     }
-    Ok(check_path(
-        &problem,
-        &contents.path,
-        &CheckOptions::default(),
-    ))
+    if contents.open_end {
+        (problem.goal, problem.goal_form) = (None, None);
+    }
+    let options = CheckOptions::default();
+    // A path file has at least one configuration.
+    Ok(match contents.path.configurations.as_slice() {
+        [form] if contents.form => check_form(&problem, form, &options),
+        _ => check_path(&problem, &contents.path, &options),
+    })
 }

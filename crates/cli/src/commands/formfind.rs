@@ -119,6 +119,7 @@ fn write(problem: &Problem, found: &JudgedForms, out: &Path) -> Result<Vec<PathB
     };
     let files = ["best.json", "best.svg", "best.png"].map(|name| out.join(name));
     let mut contents = PathFile::new(problem, path);
+    contents.form = true;
     contents.statistics = form_json(found, found.forms.best_index());
     contents.check = json!(found.reports[found.forms.best_index()]);
     write_path_file(&files[0], &contents).map_err(Failure::message)?;

@@ -120,6 +120,7 @@ pub fn run(
             configurations: vec![found.configuration.clone()],
         },
     );
+    (contents.open_start, contents.open_end) = (true, true);
     contents.statistics = Value::Object(found.figures.clone());
     contents.check = json!(report);
     write_path_file(&file, &contents).map_err(Failure::message)?;

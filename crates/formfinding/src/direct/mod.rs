@@ -202,8 +202,7 @@ pub enum DirectError {
 ///     .cable("right", ["b", "c"], 0.0..=9.0, 1.0, 0.0..=2.0)
 ///     .support("a")
 ///     .support("c")
-///     .build()
-///     .map_err(|errors| errors[0].clone())?;
+///     .build()?;
 /// let start = [[0.0, 0.0], [1.0, 0.5], [4.0, 0.0]].map(|[x, y]| Point3::new(x, y, 0.0));
 /// let form = DirectSolver::new(&structure).solve(&start, &[Some(1.0), Some(2.0)])?;
 /// assert!((form.configuration.positions[1] - Point3::new(1.5, 0.0, 0.0)).norm() < 1e-12);

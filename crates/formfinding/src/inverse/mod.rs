@@ -172,7 +172,7 @@ fn describe_conflict(elements: &[String], worst: &str, violation: f64) -> String
 /// for (name, nodes) in [("c1", ["a", "b"]), ("c2", ["b", "c"]), ("c3", ["c", "d"]), ("c4", ["d", "a"])] {
 ///     builder = builder.cable(name, nodes, 0.0..=3.0, 10.0, 0.0..=2.0);
 /// }
-/// let structure = builder.build().map_err(|errors| errors[0].clone())?;
+/// let structure = builder.build()?;
 /// // Nodes in the order in which elements name them: a, c, b, d.
 /// let corners = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
 /// let positions = corners.map(|[x, y]| Point3::new(x, y, 0.0));

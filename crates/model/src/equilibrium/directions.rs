@@ -69,8 +69,7 @@ pub struct EquationCounts {
 ///     .cable("c3", ["n1", "n4"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .cable("c4", ["n2", "n4"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .free_flying([3.0, 3.0, 0.0])
-///     .build()
-///     .map_err(|errors| errors[0].to_string())?;
+///     .build()?;
 /// let manifold = DirectionsManifold::new(&structure).map_err(|error| error.to_string())?;
 /// let counts = manifold.counts();
 /// assert_eq!((counts.raw_variables, counts.raw_equations), (34, 38));

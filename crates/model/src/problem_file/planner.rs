@@ -5,7 +5,7 @@ use toml::de::DeValue;
 use super::decode::{Decoder, Value};
 use crate::{
     problem::{Formulation, PlannerKind, PlannerSettings, SamplingRadius},
-    stability::Actuation,
+    statics::Actuation,
 };
 
 /// Decodes the value of `planner` into settings; what it does not state stays.

@@ -30,8 +30,7 @@ pub const RANK_TOLERANCE: f64 = 1e-8;
 ///     .bar("east", ["b", "c"], 1.0)
 ///     .bar("up", ["a", "c"], 2f64.sqrt())
 ///     .bar("down", ["d", "b"], 2f64.sqrt())
-///     .build()
-///     .map_err(|errors| errors[0].to_string())?;
+///     .build()?;
 /// let corner = |name: &str| match name {
 ///     "a" => Point3::new(0.0, 0.0, 0.0),
 ///     "b" => Point3::new(1.0, 0.0, 0.0),

@@ -32,7 +32,7 @@ pub fn force_densities(configuration: &Configuration) -> Vec<f64> {
 ///     .build()?;
 /// let matrix = force_density_matrix(&structure, &[2.0, 3.0]);
 /// assert_eq!(matrix.row(1).iter().copied().collect::<Vec<_>>(), [-2.0, 5.0, -3.0]);
-/// # Ok::<(), Vec<tensegra_model::StructureError>>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn force_density_matrix(structure: &Structure, densities: &[f64]) -> DMatrix<f64> {
     assert_eq!(densities.len(), structure.elements.len(), "one an element");

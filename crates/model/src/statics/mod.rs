@@ -8,7 +8,9 @@
 //! | which self-stresses and mechanisms there are | [`MatrixAnalysis`] | `analysis.rs` |
 //! | how forces depend on positions linearly | [`force_density_matrix`] D | `force_density.rs` |
 //! | how stiff the structure is | [`material_stiffness`] and [`geometric_stiffness`] | `stiffness.rs` |
-//! | whether equilibrium is a minimum of the energy | [`StiffnessSpectrum`], [`PrestressStability`] | `spectrum.rs` |
+//! | which motions it admits | [`AdmissibleMotions`] | `motions.rs` |
+//! | whether equilibrium is a minimum of the energy | [`Stability`] | `stability.rs` |
+//! | which motions are soft, and what prestress does to mechanisms | [`StiffnessSpectrum`], [`PrestressStability`] | `spectrum.rs` |
 //! | whether no other shape exists at all | [`SuperStability`] | `super_stability.rs` |
 //! | how it vibrates | [`natural_frequencies`] | `vibration.rs` |
 //!
@@ -39,7 +41,9 @@ mod basis;
 mod equilibrium;
 mod force_density;
 mod freedoms;
+mod motions;
 mod spectrum;
+mod stability;
 mod stiffness;
 mod super_stability;
 mod vibration;
@@ -48,8 +52,10 @@ pub use analysis::{MatrixAnalysis, RANK_TOLERANCE};
 pub use equilibrium::EquilibriumMatrix;
 pub use force_density::{force_densities, force_density_matrix};
 pub use freedoms::Freedoms;
-pub use spectrum::{PrestressStability, StiffnessSpectrum, admissible_motions};
-pub use stiffness::{geometric_stiffness, material_stiffness};
+pub use motions::AdmissibleMotions;
+pub use spectrum::{PrestressStability, StiffnessSpectrum};
+pub use stability::{Softest, Stability};
+pub use stiffness::{Actuation, geometric_stiffness, material_stiffness};
 pub use super_stability::SuperStability;
 pub use vibration::{lumped_masses, natural_frequencies};
 

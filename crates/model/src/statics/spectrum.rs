@@ -1,21 +1,14 @@
 //! Whether an equilibrium is stable: the tangent stiffness on the motions that
 //! the structure admits, and the geometric stiffness on its mechanisms.
 
-use nalgebra::{DMatrix, Point3, Vector3};
+use nalgebra::{DMatrix, Vector3};
 
 use super::{
-    EquilibriumMatrix, Freedoms, MatrixAnalysis, StaticsError,
-    basis::{complement, span},
+    Actuation, AdmissibleMotions, EquilibriumMatrix, Freedoms, MatrixAnalysis, StaticsError,
     geometric_stiffness, material_stiffness,
 };
-use crate::{
-    configuration::Configuration,
-    stability::Actuation,
-    structure::{Coupling, Structure},
-};
+use crate::{configuration::Configuration, structure::Structure};
 
-/// Constraints of which less than this fraction is new depend on the others.
-const DEPENDENT: f64 = 1e-9;
 /// A stiffness below this fraction of the largest is none.
 const NO_STIFFNESS: f64 = 1e-9;
 
@@ -46,14 +39,17 @@ impl StiffnessSpectrum {
         actuation: Actuation,
     ) -> Result<Self, StaticsError> {
         let freedoms = Freedoms::new(structure);
-        let motions = admissible_motions(structure, &configuration.positions, &freedoms)?;
+        let positions = &configuration.positions;
+        let motions = AdmissibleMotions::new(structure, positions, &freedoms, actuation)?;
         let stiffness = material_stiffness(structure, configuration, &freedoms, actuation)?
             + geometric_stiffness(structure, configuration, &freedoms)?;
-        let reduced = motions.transpose() * stiffness * &motions;
-        let (eigenvalues, vectors) = ascending(reduced);
+        let (eigenvalues, vectors) = ascending(motions.reduce(stiffness));
         let softest = match vectors.ncols() {
             0 => vec![Vector3::zeros(); structure.nodes.len()],
-            _ => freedoms.displacements((&motions * vectors.column(0)).as_slice()),
+            _ => {
+                let softest = motions.motion(vectors.column(0).as_slice());
+                freedoms.displacements(softest.as_slice())
+            }
         };
         Ok(Self {
             actuation,
@@ -122,96 +118,6 @@ fn count_soft(ascending: &[f64]) -> usize {
         .fold(0.0_f64, |l, value| l.max(value.abs()));
     let soft = |value: &&f64| !(**value > NO_STIFFNESS * largest);
     ascending.iter().take_while(soft).count()
-}
-
-/// An orthonormal basis of the motions of the freedoms that keep every constant
-/// length, attachment and coupled orientation, and that are orthogonal to the
-/// neutral motions of the whole: a column each. Cost: some 3 n³ for n freedoms.
-///
-/// # Errors
-/// [`StaticsError`] when positions are not finite or not one for each node.
-pub fn admissible_motions(
-    structure: &Structure,
-    positions: &[Point3<f64>],
-    freedoms: &Freedoms,
-) -> Result<DMatrix<f64>, StaticsError> {
-    super::equilibrium::check_positions(structure, positions)?;
-    let neutral = freedoms.neutral_motions(structure, positions);
-    Ok(motions_without(structure, positions, freedoms, &neutral))
-}
-
-/// The motions that keep all constraints and are orthogonal to `excluded`.
-pub(super) fn motions_without(
-    structure: &Structure,
-    positions: &[Point3<f64>],
-    freedoms: &Freedoms,
-    excluded: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    let mut rows: Vec<Vec<f64>> = excluded
-        .column_iter()
-        .map(|column| column.iter().copied().collect())
-        .collect();
-    let mut constrain = |terms: &[([usize; 2], Vector3<f64>)]| {
-        // Nodes that no force reaches follow the others.
-        if terms
-            .iter()
-            .any(|(nodes, _)| !nodes.iter().all(|&node| freedoms.is_loaded(node)))
-        {
-            return;
-        }
-        let mut row = vec![0.0; freedoms.len()];
-        for (nodes, direction) in terms {
-            freedoms.add_relative(&mut row, *nodes, *direction, 1.0);
-        }
-        let norm = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if norm > 0.0 {
-            row.iter_mut().for_each(|x| *x /= norm);
-            rows.push(row);
-        }
-    };
-    let unit = |[a, b]: [usize; 2]| (positions[b] - positions[a]).try_normalize(0.0);
-    for element in &structure.elements {
-        if let (true, Some(u)) = (element.has_constant_length(), unit(element.nodes)) {
-            constrain(&[(element.nodes, u)]);
-        }
-    }
-    for attachment in &structure.attachments {
-        let [a, b, c] = attachment.anchors.map(|anchor| anchor.node);
-        for nodes in [[a, b], [b, c], [c, a]] {
-            if let Some(u) = unit(nodes) {
-                constrain(&[(nodes, u)]);
-            }
-        }
-    }
-    for coupling in &structure.couplings {
-        let Coupling::Orientation {
-            reference,
-            followers,
-        } = coupling
-        else {
-            continue;
-        };
-        // The rate of the direction u of an element along w is w⊥ · (v_b − v_a) / l.
-        let rate = |element: usize, along: Vector3<f64>| {
-            let nodes @ [a, b] = structure.elements[element].nodes;
-            let length = (positions[b] - positions[a]).norm();
-            unit(nodes).map(|u| (nodes, (along - u * u.dot(&along)) / length))
-        };
-        for (follower, rotation) in followers {
-            for axis in 0..structure.dimension {
-                let along = Vector3::ith(axis, 1.0);
-                let terms = (
-                    rate(*reference, along),
-                    rate(*follower, -(rotation.inverse() * along)),
-                );
-                if let (Some(first), Some(second)) = terms {
-                    constrain(&[first, second]);
-                }
-            }
-        }
-    }
-    let columns = DMatrix::from_fn(freedoms.len(), rows.len(), |i, j| rows[j][i]);
-    complement(&span(columns, DEPENDENT))
 }
 
 /// Eigenvalues in ascending order, with their vectors.

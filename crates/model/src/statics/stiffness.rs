@@ -10,7 +10,31 @@
 use nalgebra::{DMatrix, Matrix3, Point3};
 
 use super::{Freedoms, StaticsError, equilibrium::direction};
-use crate::{configuration::Configuration, stability::Actuation, structure::Structure};
+use crate::{
+    configuration::Configuration,
+    structure::{Element, Structure},
+};
+
+/// What a motor keeps constant when its element is disturbed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Actuation {
+    /// What was wound up: the rest length of an elastic element, the length of
+    /// an inextensible one. The element resists with its stiffness.
+    #[default]
+    Length,
+    /// The force: the element resists by its tension alone, without stiffness
+    /// along its axis.
+    Force,
+}
+
+/// The stiffness k of an element along its axis; 0 where its motor holds a force, and for
+/// elements without a law.
+pub(super) fn axial(element: &Element, actuation: Actuation) -> f64 {
+    match actuation {
+        Actuation::Force if element.is_actuated() => 0.0,
+        _ => element.stiffness().unwrap_or(0.0),
+    }
+}
 
 /// The material stiffness K_M of the freedoms, in force per length. A cable or
 /// spring without tension is slack and contributes nothing.
@@ -25,13 +49,10 @@ pub fn material_stiffness(
 ) -> Result<DMatrix<f64>, StaticsError> {
     let mut matrix = DMatrix::zeros(freedoms.len(), freedoms.len());
     for (e, element) in structure.elements.iter().enumerate() {
-        let held = actuation == Actuation::Force && element.is_actuated();
-        let (false, Some(stiffness)) = (
-            held || is_slack(structure, configuration, e),
-            element.stiffness(),
-        ) else {
+        let stiffness = axial(element, actuation);
+        if stiffness == 0.0 || is_slack(structure, configuration, e) {
             continue;
-        };
+        }
         let u = direction(structure, &configuration.positions, e)?;
         add(
             &mut matrix,
@@ -74,6 +95,27 @@ pub(super) fn geometric(
         let [a, b] = element.nodes;
         let density = force(e) / (positions[b] - positions[a]).norm();
         let block = (Matrix3::identity() - u * u.transpose()) * density;
+        add(&mut matrix, freedoms, element.nodes, &block);
+    }
+    Ok(matrix)
+}
+
+/// The tangent stiffness at force densities, all cables taken as taut.
+pub(super) fn tangent(
+    structure: &Structure,
+    positions: &[Point3<f64>],
+    freedoms: &Freedoms,
+    actuation: Actuation,
+    densities: &[f64],
+) -> Result<DMatrix<f64>, StaticsError> {
+    let mut matrix = DMatrix::zeros(freedoms.len(), freedoms.len());
+    for (e, element) in structure.elements.iter().enumerate() {
+        if !element.carries_force() {
+            continue;
+        }
+        let u = direction(structure, positions, e)?;
+        let excess = axial(element, actuation) - densities[e];
+        let block = u * u.transpose() * excess + Matrix3::identity() * densities[e];
         add(&mut matrix, freedoms, element.nodes, &block);
     }
     Ok(matrix)

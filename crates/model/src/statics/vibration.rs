@@ -3,12 +3,12 @@
 use nalgebra::DMatrix;
 
 use super::{
-    Freedoms, StaticsError,
+    Actuation, AdmissibleMotions, Freedoms, StaticsError,
     equilibrium::{check_count, check_positions},
     geometric_stiffness, material_stiffness,
-    spectrum::{ascending, motions_without},
+    spectrum::ascending,
 };
-use crate::{configuration::Configuration, stability::Actuation, structure::Structure};
+use crate::{configuration::Configuration, structure::Structure};
 
 /// The mass of every node: its own, and half of the mass of each of its elements
 /// (`dynamics`, keyword `mass`); none where no mass is stated at all.
@@ -71,11 +71,12 @@ pub fn natural_frequencies(
     // Vibrations are orthogonal to neutral motions in the metric of the masses:
     // neither momentum nor angular momentum changes.
     let neutral = weigh(freedoms.neutral_motions(structure, positions));
-    let motions = motions_without(structure, positions, &freedoms, &neutral);
+    let motions = AdmissibleMotions::without(structure, positions, &freedoms, actuation, &neutral);
     let stiffness = material_stiffness(structure, configuration, &freedoms, actuation)?
         + geometric_stiffness(structure, configuration, &freedoms)?;
-    let mass = motions.transpose() * weigh(motions.clone());
-    let stiffness = motions.transpose() * stiffness * &motions;
+    let basis = motions.basis();
+    let mass = basis.tr_mul(&weigh(basis.clone()));
+    let stiffness = motions.reduce(stiffness);
     // L⁻¹ K L⁻ᵀ with M = L Lᵀ, which is positive definite as all masses are.
     let Some(cholesky) = mass.cholesky() else {
         return Ok(Vec::new());

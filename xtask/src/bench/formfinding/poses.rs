@@ -79,9 +79,7 @@ pub fn measure(arguments: &BenchArguments, figures: &mut Figures) -> Result<(), 
             &distances,
         ),
     ]);
-    figures
-        .seconds
-        .push(("six-bar, one pose".to_owned(), seconds));
+    figures.distribution("six-bar, one pose".to_owned(), seconds);
     Ok(())
 }
 

@@ -282,6 +282,27 @@ impl NodesManifold {
         }
     }
 
+    /// Whether an equation is about node positions alone: a length or direction, no force.
+    pub fn equation_is_geometric(&self, equation: usize) -> bool {
+        equation >= self.balance_count
+            && matches!(
+                self.equations[equation - self.balance_count],
+                Equation::Length { .. }
+                    | Equation::EqualLengths { .. }
+                    | Equation::EqualDirections { .. }
+            )
+    }
+
+    /// Whether a limit is one of a length, not of a rest length or force.
+    pub fn limit_is_geometric(&self, limit: usize) -> bool {
+        matches!(self.limits[limit].quantity, Quantity::Length)
+    }
+
+    /// Whether a variable is a coordinate of a node, not a force density.
+    pub fn variable_is_geometric(&self, variable: usize) -> bool {
+        matches!(self.origins[variable], Origin::Coordinate(_))
+    }
+
     /// The unit in which a limit counts, in the problem's units.
     pub fn limit_unit(&self, limit: usize) -> f64 {
         match self.limits[limit].quantity {
