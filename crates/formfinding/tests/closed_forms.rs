@@ -9,7 +9,7 @@ mod closed_forms;
 use closed_forms::{Case, closed_forms, octahedron, polygon, prism, tower, two_layer_prism};
 
 /// Displacement of nodes, over the longest element.
-const SHAKE: f64 = 5e-3;
+const SHAKE: f64 = 0.02;
 
 /// Shakes the structure and lets it settle: it has to come back.
 fn settles_in(case: &Case, configuration: &Configuration) {

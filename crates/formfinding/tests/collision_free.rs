@@ -181,28 +181,96 @@ fn forms_do_not_depend_on_place_units_and_strength() {
     let form = least_energy(problem);
     close(&lengths(&form, 1.0), &lengths(&reference, 1.0), "turned");
 
-    // Twice as stiff and as strong, under twice the loads.
-    let mut problem = prism();
-    let twice = |range: Interval| Interval::new(2.0 * range.lo, 2.0 * range.hi);
-    for element in &mut problem.structure.elements {
-        element.force = twice(element.force);
-        if let tensegra_model::ForceLaw::Linear { stiffness, .. } = &mut element.law {
-            *stiffness *= 2.0;
+    // Metres to millimetres and newtons to kilonewtons; then twice as stiff and as strong, under
+    // twice the loads.
+    for (force, length) in [(1e-3, 1e3), (2.0, 1.0)] {
+        let form = least_energy(scaled(prism(), force, length));
+        let what = format!("forces times {force}, lengths times {length}");
+        close(
+            &lengths(&form, 1.0 / length),
+            &lengths(&reference, 1.0),
+            &what,
+        );
+        let stiffness = |form: &Form| form.least_stiffness.unwrap();
+        let ratio = stiffness(&form) * length / force / stiffness(&reference);
+        assert!((ratio - 1.0).abs() < 1e-3, "{what}: {ratio}");
+        assert!(
+            (form.clearance / length - reference.clearance).abs() < 1e-4,
+            "{what}"
+        );
+        let forces = |form: &Form, unit: f64| -> Vec<f64> {
+            let forces = form.configuration.forces.iter();
+            forces.map(|force| force.unwrap() * unit).collect()
+        };
+        for (a, b) in forces(&form, 1.0 / force)
+            .iter()
+            .zip(&forces(&reference, 1.0))
+        {
+            assert!(
+                (a - b).abs() < 1e-3 * b.abs().max(1.0),
+                "{what}: {a} is not {b}"
+            );
         }
     }
-    for node in &mut problem.structure.nodes {
-        node.load *= 2.0;
+
+    let form = least_energy(relabelled(prism()));
+    close(
+        &lengths(&form, 1.0),
+        &lengths(&reference, 1.0),
+        "relabelled",
+    );
+}
+
+/// The problem in other units.
+fn scaled(mut problem: Problem, force: f64, length: f64) -> Problem {
+    let times = |range: Interval, unit: f64| Interval::new(unit * range.lo, unit * range.hi);
+    let structure = &mut problem.structure;
+    for element in &mut structure.elements {
+        element.length = times(element.length, length);
+        element.force = times(element.force, force);
+        element.radius *= length;
+        if let tensegra_model::ForceLaw::Linear { stiffness, rest } = &mut element.law {
+            *stiffness *= force / length;
+            *rest = times(*rest, length);
+        }
     }
-    let form = least_energy(problem);
-    close(&lengths(&form, 1.0), &lengths(&reference, 1.0), "doubled");
-    let forces = |form: &Form, unit: f64| -> Vec<f64> {
-        let forces = form.configuration.forces.iter();
-        forces.map(|force| force.unwrap() * unit).collect()
-    };
-    let scaled = forces(&form, 0.5);
-    for (a, b) in scaled.iter().zip(&forces(&reference, 1.0)) {
-        assert!((a - b).abs() < 1e-3 * b.abs().max(1.0), "{a} is not {b}");
+    structure
+        .nodes
+        .iter_mut()
+        .for_each(|node| node.load *= force);
+    structure
+        .fixed
+        .iter_mut()
+        .for_each(|fixed| fixed.value *= length);
+    for condition in &mut problem.form.conditions {
+        if let FormCondition::Point { at, .. } = condition {
+            at.iter_mut()
+                .flatten()
+                .for_each(|range| *range = times(*range, length));
+        }
     }
+    problem
+}
+
+/// The problem with its nodes in the reverse order, and elements from their second to their first.
+fn relabelled(mut problem: Problem) -> Problem {
+    let structure = &mut problem.structure;
+    let last = structure.nodes.len() - 1;
+    structure.nodes.reverse();
+    for element in &mut structure.elements {
+        element.nodes = element.nodes.map(|node| last - node);
+        element.nodes.reverse();
+    }
+    structure
+        .fixed
+        .iter_mut()
+        .for_each(|fixed| fixed.node = last - fixed.node);
+    for condition in &mut problem.form.conditions {
+        if let FormCondition::Point { of, .. } = condition {
+            of.iter_mut().for_each(|(node, _)| *node = last - *node);
+        }
+    }
+    problem
 }
 
 #[test]

@@ -381,6 +381,60 @@ fn inverse_and_direct_agree() {
 }
 
 #[test]
+fn inverse_does_not_depend_on_place_units_labels_and_strength() {
+    let robot: Robot = read("six_bar_poses.json");
+    let (structure, order) = robot.structure();
+    let start = points(&robot.poses[0].nodes, &order);
+    let form = DirectSolver::new(&structure)
+        .solve(&start, &robot.rest(&robot.poses[9]))
+        .unwrap();
+    let positions = form.configuration.positions;
+    let forces = |structure: &Structure, positions: &[Point3<f64>]| -> Vec<f64> {
+        let found = rest_lengths(structure, positions, &InverseOptions::default()).unwrap();
+        found
+            .configuration
+            .forces
+            .iter()
+            .map(|force| force.unwrap())
+            .collect()
+    };
+    let reference = forces(&structure, &positions);
+    let compare = |found: &[f64], unit: f64, what: &str| {
+        for (a, b) in found.iter().zip(&reference) {
+            assert!((a / unit - b).abs() < 1e-9, "{what}: {a} is not {b}");
+        }
+    };
+
+    let motion = Isometry3::new(Vector3::new(1.0, -2.0, 3.0), Vector3::new(0.5, 1.0, -0.3));
+    let moved: Vec<_> = positions.iter().map(|point| motion * point).collect();
+    compare(&forces(&structure, &moved), 1.0, "moved");
+
+    let last = structure.nodes.len() - 1;
+    let mut relabelled = structure.clone();
+    relabelled.nodes.reverse();
+    for element in &mut relabelled.elements {
+        element.nodes = element.nodes.map(|node| last - node);
+    }
+    let back: Vec<_> = positions.iter().rev().copied().collect();
+    compare(&forces(&relabelled, &back), 1.0, "relabelled");
+
+    // Metres to millimetres and newtons to kilonewtons; then twice as stiff.
+    for (force, length) in [(1e-3, 1e3), (2.0, 1.0)] {
+        let mut scaled = structure.clone();
+        for element in &mut scaled.elements {
+            let range = element.length;
+            element.length = Interval::new(range.lo * length, range.hi * length);
+            if let ForceLaw::Linear { stiffness, rest } = &mut element.law {
+                *stiffness *= force / length;
+                *rest = Interval::new(rest.lo * length, rest.hi * length);
+            }
+        }
+        let large: Vec<_> = positions.iter().map(|point| point * length).collect();
+        compare(&forces(&scaled, &large), force, "scaled");
+    }
+}
+
+#[test]
 fn inverse_meets_the_pretension_and_wanted_rest_lengths() {
     let (structure, square) = crossed_square(Some(3.0));
     let found = rest_lengths(&structure, &square, &InverseOptions::default()).unwrap();

@@ -17,7 +17,10 @@ use tensegra::{
     collision::closest_points_segment_segment,
     formfind,
     formfinding::{FollowOptions, Followed, FormProblem, follow},
-    io::{Axis, Chart, Level, Picture, Series, Units, draw_configuration, draw_snapshots},
+    io::{
+        Axis, Chart, Level, Picture, Scene, SceneOptions, Series, Units, View, draw_scenes,
+        draw_snapshots,
+    },
     model::{Configuration, Environment, FormCondition, Problem, Shape},
 };
 
@@ -80,34 +83,40 @@ fn approaching_plane(folder: &Path) -> Result<(), Box<dyn Error>> {
         FollowOptions::new(STEPS, STEP),
     )?;
     report("plane", &followed, at)?;
-    let mut pictures = Vec::new();
+    let mut panels = Vec::new();
     for share in [0.0, 0.8, 1.0] {
         let index = ((followed.forms.len() - 1) as f64 * share).round() as usize;
         let (t, form) = &followed.forms[index];
         let moved = at(*t);
         let title = format!("wall {:.2} m from the centroid", FAR + (NEAR - FAR) * t);
-        pictures.push(draw_configuration(
-            &moved.structure,
-            &moved.environment,
-            &form.configuration,
-            &title,
-            &Units::new("m", "N"),
-        )?);
+        let scene = Scene::of(&moved.structure, &moved.environment, &form.configuration)?;
+        panels.push((title, scene));
     }
-    write(&Picture::grid(&pictures, 1), folder, "approaching-plane")
+    // From the side, along the wall.
+    let view = View::Axonometric {
+        azimuth: -90.0,
+        elevation: 0.0,
+    };
+    let options = SceneOptions::default().view(view).columns(3).names();
+    let picture = draw_scenes(&panels, &options.unit("m"))?;
+    write(&picture, folder, "approaching-plane")
 }
 
 /// The target close to two planes.
 fn two_planes(folder: &Path) -> Result<(), Box<dyn Error>> {
     let problem = read("two-planes.toml")?;
     let configuration = best(&problem)?;
-    let picture = draw_configuration(
-        &problem.structure,
-        &problem.environment,
-        &configuration,
-        "a target 4 cm from two planes",
-        &Units::new("m", "N"),
-    )?;
+    let scene = Scene::of(&problem.structure, &problem.environment, &configuration)?;
+    // Along the line in which the planes meet.
+    let view = View::Axonometric {
+        azimuth: 180.0,
+        elevation: (30_f64.to_radians().cos() * 0.5_f64.sqrt())
+            .atan2(30_f64.to_radians().sin())
+            .to_degrees(),
+    };
+    let panels = [("a target 4 cm from two planes".to_owned(), scene)];
+    let options = SceneOptions::default().view(view).names().unit("m");
+    let picture = draw_scenes(&panels, &options)?;
     write(&picture, folder, "two-planes")
 }
 
@@ -157,7 +166,7 @@ fn straight_line(folder: &Path) -> Result<(), Box<dyn Error>> {
                 .collect(),
         };
         let units = Units::new("m", "N");
-        let picture = draw_snapshots(&problem.structure, &problem.environment, &path, 1, &units)?;
+        let picture = draw_snapshots(&problem.structure, &problem.environment, &path, 2, &units)?;
         write(&picture, folder, &format!("line-{name}"))?;
     }
     write(&chart.draw()?, folder, "distances")

@@ -15,6 +15,9 @@ use tensegra_model::{
 /// a description.
 const MOST_TRIALS: usize = 120;
 
+/// A structure without an element folds where a node moves by more than this fraction of its size.
+const FOLDED: f64 = 0.2;
+
 /// A state of self-stress or the forces of a configuration, as force densities.
 pub type Densities = Vec<f64>;
 
@@ -22,6 +25,8 @@ pub type Densities = Vec<f64>;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Rigidity {
+    /// Size of the structure, [`Structure::size`].
+    pub size: f64,
     /// Rigid motions that the supports leave.
     pub rigid_motions: usize,
     /// Rank of the equilibrium matrix.
@@ -99,6 +104,7 @@ impl Rigidity {
         };
         let super_stability = SuperStability::new(structure, configuration)?;
         Ok(Self {
+            size: structure.size(positions),
             rigid_motions: analysis.rigid_motions.ncols(),
             rank: analysis.rank,
             rank_gap: [counts, does_not],
@@ -125,10 +131,21 @@ impl Rigidity {
         self.elements(|loss| matches!(loss, Loss::Collapses))
     }
 
-    /// Elements that the structure can do without: it stays stable, in another
-    /// shape.
+    /// Elements without which the structure folds into quite another shape, in which it is stable
+    /// again.
+    pub fn folding_elements(&self) -> Vec<usize> {
+        let folds = FOLDED * self.size;
+        self.elements(
+            |loss| matches!(loss, Loss::Holds { displacement, .. } if *displacement > folds),
+        )
+    }
+
+    /// Elements that the structure can do without: it stays stable, in a shape that is not far.
     pub fn dispensable_elements(&self) -> Vec<usize> {
-        self.elements(|loss| matches!(loss, Loss::Holds { .. }))
+        let folds = FOLDED * self.size;
+        self.elements(
+            |loss| matches!(loss, Loss::Holds { displacement, .. } if *displacement <= folds),
+        )
     }
 
     fn elements(&self, which: impl Fn(&Loss) -> bool) -> Vec<usize> {
@@ -201,9 +218,9 @@ impl Rigidity {
             )
         } else {
             format!(
-                "Not stable while motors hold rest lengths: {} without resistance (stiffness \
+                "Not stable while motors hold rest lengths: {} no resistance (stiffness \
                  {least:.3e}), first of all {}",
-                count(stability.soft_motions(), "motion meets", "motions go"),
+                count(stability.soft_motions(), "motion meets", "motions meet"),
                 movers(structure, &stability.softest)
             )
         };
@@ -222,8 +239,8 @@ impl Rigidity {
             )
         } else {
             format!(
-                "{held}. While they hold forces {} without resistance: motors have to hold lengths.",
-                count(forced.soft_motions(), "motion meets", "motions go"),
+                "{held}. While they hold forces {} no resistance: motors have to hold lengths.",
+                count(forced.soft_motions(), "motion meets", "motions meet"),
             )
         }
     }
@@ -265,23 +282,29 @@ impl Rigidity {
                 false => format!("{name} is slack."),
             });
         }
-        let (critical, dispensable) = (self.critical_elements(), self.dispensable_elements());
-        let of = critical.len() + dispensable.len();
-        if of > 0 {
-            words.push(match (critical.len(), dispensable.len()) {
-                (0, _) => {
-                    "It stays stable, in another shape, without any one of its elements.".into()
-                }
-                (_, 0) => "It collapses without any one of its elements: a cable gone slack is \
-                           enough."
-                    .into(),
-                _ => format!(
-                    "It collapses without any one of {} (slack or broken); it stays stable, in \
-                     another shape, without {}.",
-                    names(structure, &critical),
-                    names(structure, &dispensable)
-                ),
-            });
+        let fates = [
+            ("it collapses", self.critical_elements()),
+            ("it folds into quite another shape", self.folding_elements()),
+            (
+                "it stays stable, in a shape nearby,",
+                self.dispensable_elements(),
+            ),
+        ];
+        let tried: usize = fates.iter().map(|(_, elements)| elements.len()).sum();
+        let clauses: Vec<String> = fates
+            .iter()
+            .filter(|(_, elements)| !elements.is_empty())
+            .map(|(fate, elements)| match elements.len() {
+                n if n == tried => format!("{fate} without any one of its elements"),
+                1 => format!("{fate} without {}", names(structure, elements)),
+                _ => format!("{fate} without any one of {}", names(structure, elements)),
+            })
+            .collect();
+        if !clauses.is_empty() {
+            words.push(format!(
+                "Should an element break or a cable go slack: {}.",
+                clauses.join("; ")
+            ));
         }
         words
     }

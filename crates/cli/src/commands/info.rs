@@ -170,6 +170,7 @@ fn statics_json(structure: &Structure, r: &Rigidity) -> Value {
             json!({ "element": structure.elements[e].name, "force": force })
         }),
         "critical_elements": names(r.critical_elements()),
+        "folding_elements": names(r.folding_elements()),
         "dispensable_elements": names(r.dispensable_elements()),
         "losses": losses,
         "words": r.in_words(structure),

@@ -105,6 +105,12 @@ impl Energy {
         }
     }
 
+    pub(super) fn set_constant_length(&mut self, element: usize, length: f64) {
+        if let Some(rigid) = self.rigid.iter_mut().find(|r| r.element == element) {
+            rigid.length = length;
+        }
+    }
+
     pub(super) fn positions(&self) -> &[Point3<f64>] {
         &self.positions
     }

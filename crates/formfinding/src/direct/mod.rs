@@ -6,6 +6,7 @@
 //! subject to l = L for every element of constant length,
 //! ```
 //! where cables and springs pull and never push: they contribute where l > r only.
+//! Elements without a law whose length a motor changes keep the length they start with.
 //! What is held (supports, fixed coordinates) does not move.
 //!
 //! # Method
@@ -389,8 +390,18 @@ impl<'a> DirectSolver<'a> {
                 ForceLaw::None => {}
                 ForceLaw::Free => {
                     let [a, b] = element.nodes;
-                    if start[a] == start[b] {
+                    let length = (start[b] - start[a]).norm();
+                    if length == 0.0 {
                         return Err(DirectError::NoLength { element: name() });
+                    }
+                    if !element.has_constant_length() {
+                        // Its motor holds the length that it starts with.
+                        for view in [Some(&mut self.held), self.floating.as_mut()]
+                            .into_iter()
+                            .flatten()
+                        {
+                            view.energy.set_constant_length(e, length);
+                        }
                     }
                 }
                 ForceLaw::Linear { rest, .. } => {

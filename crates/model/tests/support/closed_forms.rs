@@ -122,8 +122,13 @@ pub fn case(dimension: usize, points: &[[f64; 3]], groups: &[Group], supports: &
     for node in supports {
         builder = builder.support(&format!("n{node}"));
     }
+    let mut structure = builder.build().unwrap();
+    if !supports.is_empty() {
+        // Supports stay where the positions put them: no gauge is needed.
+        structure.fixed.clear();
+    }
     Case {
-        structure: builder.build().unwrap(),
+        structure,
         positions: order
             .iter()
             .map(|&node| Point3::from(points[node]))
