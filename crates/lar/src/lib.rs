@@ -91,10 +91,10 @@ pub use plan::{
 pub use primitive::{
     Gait, GaitSearch, Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveFileError,
     PrimitiveOptions, PrimitiveSearch, Relabelling, SequenceRoll, Stance, SupportedMotion,
-    SymmetricRobot, SymmetryError, Turn, check_symmetry, extend_primitive, find_gait,
-    find_primitive, relabellings, solve_primitive, straight_strip,
+    SymmetricRobot, SymmetryError, Turn, TurningGait, check_symmetry, extend_primitive, find_gait,
+    find_primitive, find_turning_gait, relabellings, solve_primitive, straight_strip,
 };
-pub use problem::{WalkGoal, WalkPlanner, WalkProblem, WalkProblemError};
+pub use problem::{TwoTierOptions, WalkGoal, WalkPlanner, WalkProblem, WalkProblemError};
 pub use random::{RandomRobotError, random_robot};
 pub use rigidity::{
     Rigidity, RowScaling, is_generically_minimally_rigid, is_generically_rigid, rigidity_matrix,
@@ -103,8 +103,8 @@ pub use rigidity_index::{IndexScale, RigiditySpectrum, worst_case_rigidity_index
 pub use robot::{ConfigurationExtremes, Robot, RobotError};
 pub use support::{Roll, SideLine, Support, SupportError};
 pub use two_tier::{
-    Cell, GridGoal, GridSearch, LibraryAttempts, PrimitiveLibrary, TriangularGrid, TwoTierError,
-    TwoTierPlanner, TwoTierWalk, search_grid,
+    Cell, GridGoal, GridSearch, LibraryAttempts, Piece, PrimitiveLibrary, TriangularGrid,
+    TwoTierError, TwoTierPlanner, TwoTierWalk, search_grid,
 };
 pub use walk::{
     Margins, Visit, WALK_FORMAT, WALK_VERSION, Walk, WalkConfiguration, WalkContext, WalkFileError,

@@ -155,7 +155,7 @@ pub fn primitive_library(problem: &WalkProblem) -> Result<PrimitiveLibrary, Plan
         .iter()
         .map(|s| s.relabelling().roles().to_vec())
         .collect();
-    let chosen: Vec<SymmetricRobot> = match &problem.roles {
+    let chosen: Vec<SymmetricRobot> = match &problem.two_tier.roles {
         None => all,
         Some(roles) => {
             let found: Vec<_> = all
@@ -171,11 +171,12 @@ pub fn primitive_library(problem: &WalkProblem) -> Result<PrimitiveLibrary, Plan
             found
         }
     };
+    let primitives = &problem.two_tier.primitives;
     let mut best = None;
     let mut failure = PrimitiveError::Sequence;
     for symmetric in &chosen {
         let mut rng = Pcg64::seed_from_u64(problem.seed);
-        match find_primitive(symmetric, &problem.primitives, &mut rng) {
+        match find_primitive(symmetric, primitives, &mut rng) {
             Ok(search) => {
                 let cost = search.best.cost();
                 if best.as_ref().is_none_or(|(least, _)| cost < *least) {
@@ -187,7 +188,10 @@ pub fn primitive_library(problem: &WalkProblem) -> Result<PrimitiveLibrary, Plan
     }
     let (_, one_roll) = best.ok_or(failure)?;
     let (library, _) =
-        PrimitiveLibrary::new(one_roll).extend(problem.smoothing_rolls, &problem.primitives)?;
+        PrimitiveLibrary::new(one_roll).extend(problem.two_tier.rolls, primitives)?;
+    if problem.two_tier.gait {
+        return Ok(library.with_gait(primitives)?);
+    }
     Ok(library)
 }
 

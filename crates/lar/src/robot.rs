@@ -134,6 +134,12 @@ impl Robot {
         Ok(self)
     }
 
+    /// The same robot with limits that are known to be within their ranges.
+    pub(crate) fn with_limits(mut self, limits: Limits) -> Self {
+        self.limits = limits;
+        self
+    }
+
     /// The graph.
     #[must_use]
     pub fn graph(&self) -> &Graph {

@@ -37,7 +37,7 @@ fn gaits_of_six_seconds_are_followed_within_a_centimetre() {
         let primitive = known.primitive();
         let robot = primitive.symmetric_robot().robot();
         let options = DynamicsOptions::default();
-        let report = simulate_motion(robot, &primitive.motion(), 6.0, &options).unwrap();
+        let report = simulate_motion(robot, primitive.motion(), 6.0, &options).unwrap();
         assert!(
             report.mean_error < 0.01,
             "{}: {}",
@@ -57,7 +57,7 @@ fn bad_input_and_divergence_are_reported() {
     let primitive = known_primitive("octahedron").primitive();
     let robot = primitive.symmetric_robot().robot();
     let run = |duration, options: &DynamicsOptions| {
-        simulate_motion(robot, &primitive.motion(), duration, options).unwrap_err()
+        simulate_motion(robot, primitive.motion(), duration, options).unwrap_err()
     };
     let options = DynamicsOptions::default();
     assert!(matches!(

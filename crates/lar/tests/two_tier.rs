@@ -5,8 +5,8 @@ mod common;
 use common::{fixture, known_primitive};
 use nalgebra::Point2;
 use tensegra_lar::{
-    GridGoal, Obstacle, PlanWalkError, PrimitiveLibrary, PrimitiveOptions, Turn, TwoTierError,
-    TwoTierPlanner, WalkProblem, plan_two_tier, plan_walk,
+    GridGoal, Obstacle, Piece, PlanWalkError, PrimitiveLibrary, PrimitiveOptions, Turn,
+    TwoTierError, TwoTierPlanner, WalkProblem, plan_two_tier, plan_walk,
 };
 
 fn octahedron_library() -> PrimitiveLibrary {
@@ -31,7 +31,11 @@ fn blocks_are_walked_around_and_smoothing_saves_cost() {
         let outcome = planned.two_tier.unwrap();
         assert_eq!(outcome.cells.len(), outcome.motion.rolls.len() + 1);
         assert_eq!(
-            outcome.pieces.iter().sum::<usize>(),
+            outcome
+                .pieces
+                .iter()
+                .map(|piece| piece.rolls())
+                .sum::<usize>(),
             outcome.motion.rolls.len()
         );
         assert_eq!(planned.walk.support_polygons().len(), outcome.cells.len());
@@ -72,9 +76,37 @@ fn a_way_back_over_the_same_side_is_no_turn() {
     let goals = [[0.6, 0.5], [-0.3, 0.0]].map(|[x, y]| GridGoal::Point(Point2::new(x, y)));
     let walk = TwoTierPlanner::new(&library).walk(&start, &goals).unwrap();
     assert_eq!(walk.cells[0], walk.cells[4], "{:?}", walk.cells);
-    assert_eq!(walk.pieces, [2, 2]);
+    assert_eq!(walk.pieces, [Piece::Primitive { rolls: 2 }; 2]);
     let (_, verdict) = common::check_motion(symmetric, &walk.motion);
     assert!(verdict.valid, "{:?}", verdict.faults.first());
+}
+
+#[test]
+fn a_gait_that_turns_walks_long_ways_at_less_cost() {
+    for name in ["octahedron", "k5-rolling"] {
+        let one = common::known_primitive(name).primitive();
+        let single = PrimitiveLibrary::new(one);
+        let library = single
+            .clone()
+            .with_gait(&PrimitiveOptions::default())
+            .unwrap();
+        let gait = library.gait().expect(name);
+        let symmetric = library.one_roll().symmetric_robot();
+        // Turns in all directions, and back the way that it came.
+        let goals = [[2.4, 0.0], [0.4, 0.0], [0.0, 2.6], [-2.5, -1.3]]
+            .map(|[x, y]| GridGoal::Point(Point2::new(x, y)));
+        let start = symmetric.start();
+        let walk = TwoTierPlanner::new(&library).walk(&start, &goals).unwrap();
+        for piece in [Piece::Entry, Piece::Turn, Piece::Back, Piece::Exit] {
+            assert!(walk.pieces.contains(&piece), "{name}: {:?}", walk.pieces);
+        }
+        let (_, verdict) = common::check_motion(symmetric, &walk.motion);
+        assert!(verdict.valid, "{name}: {:?}", verdict.faults.first());
+        let stepwise = TwoTierPlanner::new(&single).walk(&start, &goals).unwrap();
+        assert_eq!(stepwise.cells, walk.cells);
+        let (walked, stepped) = (gait.cost(&walk.motion), gait.cost(&stepwise.motion));
+        assert!(walked < 0.8 * stepped, "{name}: {walked} of {stepped}");
+    }
 }
 
 #[test]

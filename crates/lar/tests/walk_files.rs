@@ -15,7 +15,7 @@ fn fixtures_are_read() {
     assert_eq!(problem.planner, WalkPlanner::Greedy);
     assert_eq!(problem.goal.points().len(), 5);
     let problem = WalkProblem::from_toml(&fixture("two-tier-s.toml")).unwrap();
-    assert_eq!(problem.smoothing_rolls, 2);
+    assert_eq!(problem.two_tier.rolls, 2);
     let problem = WalkProblem::from_toml(&fixture("two-tier-blocks.toml")).unwrap();
     assert!(matches!(problem.goal, WalkGoal::Region { .. }));
     assert_eq!(problem.obstacles.len(), 3);
@@ -104,7 +104,7 @@ fn a_free_node_and_a_blocked_waypoint_are_named() {
 fn sample() -> Walk {
     let known = known_primitive("octahedron");
     let primitive = known.primitive();
-    check_motion(primitive.symmetric_robot(), &primitive.motion()).0
+    check_motion(primitive.symmetric_robot(), primitive.motion()).0
 }
 
 #[test]

@@ -483,20 +483,40 @@ fn two_tier(suite: &mut Suite) -> Result<(), Error> {
     let case = "two-tier";
     let options = PrimitiveOptions::default();
     let sequences = random_sequences(suite.trials as usize, 5, 5.0, 1);
-    let longest = if suite.quick { 1 } else { 4 };
+    // Longest primitive, and whether the gait that can turn is there as well.
+    let libraries: &[(usize, bool)] = if suite.quick {
+        &[(1, true)]
+    } else {
+        &[
+            (1, false),
+            (2, false),
+            (4, false),
+            (1, true),
+            (2, true),
+            (4, true),
+        ]
+    };
     let mut chart = cost_chart("Two-tier walks");
     let limits = Limits::default().with_min_rigidity(Some(MIN_RIGIDITY));
     for gait in PublishedGait::all(&limits)? {
         let start = gait.start.clone().moved_to([2.5, 2.5]);
         let (one, _) = gait.solve(&options)?;
-        for rolls in 1..=longest {
-            let variant = match rolls {
-                1 => format!("{}, one-roll primitives", gait.name),
-                _ => format!("{}, up to {rolls} rolls", gait.name),
+        for &(rolls, turning) in libraries {
+            let primitives = match rolls {
+                1 => "one-roll primitives".to_owned(),
+                _ => format!("up to {rolls} rolls"),
             };
-            let (library, seconds) =
-                timed(|| PrimitiveLibrary::new(one.clone()).extend(rolls, &options));
-            let (library, _) = library?;
+            let with = if turning { " and gait" } else { "" };
+            let variant = format!("{}, {primitives}{with}", gait.name);
+            let (library, seconds) = timed(|| {
+                let (library, _) = PrimitiveLibrary::new(one.clone()).extend(rolls, &options)?;
+                if turning {
+                    library.with_gait(&options)
+                } else {
+                    Ok(library)
+                }
+            });
+            let library = library?;
             let mut gathered = Gathered::new();
             for (index, sequence) in sequences.iter().enumerate() {
                 let clock = ThreadTime::now();
@@ -515,8 +535,8 @@ fn two_tier(suite: &mut Suite) -> Result<(), Error> {
             let runs = sequences.len();
             let times = milliseconds(&gathered.seconds);
             suite.row(case, &variant, ["time of a walk", "ms"], runs, &times, &[]);
-            if rolls > 1 {
-                let metric = ["time of the longer primitives", "s"];
+            if rolls > 1 || turning {
+                let metric = ["time of longer primitives and gait", "s"];
                 suite.row(case, &variant, metric, 1, &[seconds], &[]);
             }
             walk_rows(
@@ -611,7 +631,7 @@ fn dynamics(suite: &mut Suite) -> Result<(), Error> {
             let variant = format!("{} in {duration} s", gait.name);
             let report = simulate_motion(
                 symmetric.robot(),
-                &one.motion(),
+                one.motion(),
                 duration,
                 &DynamicsOptions::default(),
             );

@@ -128,6 +128,16 @@ pub fn print_json(value: &serde_json::Value) {
     println!("{value:#}");
 }
 
+/// Prints the outcome of one run as a JSON object, those of many as an array.
+fn print_outcomes(outcomes: impl Iterator<Item = serde_json::Value>, many: bool) {
+    let mut outcomes: Vec<serde_json::Value> = outcomes.collect();
+    if many {
+        print_json(&outcomes.into());
+    } else if let Some(outcome) = outcomes.pop() {
+        print_json(&outcome);
+    }
+}
+
 /// Prints the failure as a JSON object on standard output where asked for, and
 /// passes it on.
 pub fn json_failure(json: bool, verdict: &str, failure: Failure) -> Failure {

@@ -19,7 +19,7 @@ use tensegra::{
 use super::{
     Formulation, StabilityArguments,
     axes::{parse_axes, three_lengths},
-    formulation_name, json_failure, parse_seconds, parse_seeds, print_json, print_written,
+    formulation_name, json_failure, parse_seconds, parse_seeds, print_outcomes, print_written,
     read_problem, require_writable,
     smooth::{add_json, draw_before_and_after, print},
     stiffness_json, stiffness_text, write_pictures,
@@ -141,17 +141,10 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
         plan_all(arguments).map_err(|failure| json_failure(arguments.json, "solved", failure))?;
     let accepted = |outcome: &Outcome| matches!(&outcome.result, Ok(s) if s.report.ok);
     let success = outcomes.iter().all(accepted);
-    if arguments.json {
-        let mut values: Vec<Value> = outcomes.iter().map(as_json).collect();
-        if arguments.seeds.is_some() {
-            print_json(&Value::Array(values));
-        } else if let Some(value) = values.pop() {
-            print_json(&value);
-        }
-    } else if arguments.seeds.is_some() {
-        print_many(&outcomes);
-    } else {
-        outcomes.iter().for_each(print_one);
+    match (arguments.json, arguments.seeds.is_some()) {
+        (true, many) => print_outcomes(outcomes.iter().map(as_json), many),
+        (false, true) => print_many(&outcomes),
+        (false, false) => outcomes.iter().for_each(print_one),
     }
     Ok(success)
 }

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use serde_json::{Value, json};
 use tensegra::{
     io::{
-        LogOptions, Picture, TrackingRun, draw_gait, draw_grid_plan, draw_margins, draw_track,
+        LogOptions, TrackingRun, draw_gait, draw_grid_plan, draw_margins, draw_track,
         draw_tracking_error, write_walk_file, write_walk_log,
     },
     lar::{
@@ -16,8 +16,8 @@ use tensegra::{
 };
 
 use super::{
-    PNG_SCALE, json_failure, parse_seconds, parse_seeds, print_json, print_written,
-    require_writable,
+    json_failure, parse_seconds, parse_seeds, print_outcomes, print_written, require_writable,
+    write_pictures,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -108,17 +108,10 @@ struct Planned {
 pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let outcomes =
         plan_all(arguments).map_err(|failure| json_failure(arguments.json, "solved", failure))?;
-    if arguments.json {
-        let mut values: Vec<Value> = outcomes.iter().map(as_json).collect();
-        if arguments.seeds.is_some() {
-            print_json(&Value::Array(values));
-        } else if let Some(value) = values.pop() {
-            print_json(&value);
-        }
-    } else if arguments.seeds.is_some() {
-        print_many(&outcomes);
-    } else {
-        outcomes.iter().for_each(print_one);
+    match (arguments.json, arguments.seeds.is_some()) {
+        (true, many) => print_outcomes(outcomes.iter().map(as_json), many),
+        (false, true) => print_many(&outcomes),
+        (false, false) => outcomes.iter().for_each(print_one),
     }
     let solved = |outcome: &Outcome| matches!(&outcome.result, Ok(planned) if planned.check.valid);
     Ok(outcomes.iter().all(solved))
@@ -231,15 +224,11 @@ fn write(
     if !simulations.is_empty() {
         drawn.push(("tracking", draw_tracking_error(&runs(walk, simulations))));
     }
-    for (name, picture) in drawn {
-        let picture: Picture = picture.map_err(Failure::message)?;
-        let [svg, png] = ["svg", "png"].map(|kind| folder.join(format!("{name}.{kind}")));
-        picture.write_svg(&svg).map_err(Failure::message)?;
-        picture
-            .write_png(&png, PNG_SCALE)
-            .map_err(Failure::message)?;
-        files.extend([svg, png]);
-    }
+    let drawn = drawn
+        .into_iter()
+        .map(|(name, picture)| Ok((name, picture.map_err(Failure::message)?)))
+        .collect::<Result<Vec<_>, Failure>>()?;
+    write_pictures(folder, &drawn, &mut files)?;
     Ok(files)
 }
 

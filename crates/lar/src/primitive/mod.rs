@@ -1,6 +1,8 @@
 //! Motion primitives: optimised motions over one or more rolls between symmetric stances, and
 //! periodic gaits. Source: Usevitch et al., section V.
 
+mod between;
+mod gait;
 mod motion;
 mod search;
 mod sequence;
@@ -12,9 +14,9 @@ use thiserror::Error;
 use crate::Support;
 use crate::limits::setters;
 
+pub use gait::{Gait, GaitSearch, TurningGait, find_gait, find_turning_gait};
 pub use search::{
-    GaitSearch, PrimitiveAttempt, PrimitiveSearch, extend_primitive, find_gait, find_primitive,
-    solve_primitive,
+    PrimitiveAttempt, PrimitiveSearch, extend_primitive, find_primitive, solve_primitive,
 };
 pub use sequence::{SequenceRoll, Stance, SymmetricRobot, Turn, straight_strip};
 pub use store::PrimitiveFileError;
@@ -154,9 +156,7 @@ pub enum PrimitiveError {
 pub struct Primitive {
     pub(crate) symmetric: SymmetricRobot,
     pub(crate) turns: Vec<Turn>,
-    pub(crate) configurations: Vec<Vec<f64>>,
-    pub(crate) supports: Vec<Support>,
-    pub(crate) rolls: Vec<usize>,
+    pub(crate) motion: SupportedMotion,
     pub(crate) end: Stance,
 }
 
@@ -199,41 +199,37 @@ impl Primitive {
     /// Number of rolls.
     #[must_use]
     pub fn num_rolls(&self) -> usize {
-        self.rolls.len()
+        self.motion.rolls.len()
     }
 
     /// Coordinates of each configuration, from the first stance to the last.
     #[must_use]
     pub fn configurations(&self) -> &[Vec<f64>] {
-        &self.configurations
+        &self.motion.configurations
     }
 
     /// Index of the last configuration before each roll.
     #[must_use]
     pub fn rolls(&self) -> &[usize] {
-        &self.rolls
+        &self.motion.rolls
     }
 
     /// The motion with its supports.
     #[must_use]
-    pub fn motion(&self) -> SupportedMotion {
-        SupportedMotion {
-            configurations: self.configurations.clone(),
-            supports: self.supports.clone(),
-            rolls: self.rolls.clone(),
-        }
+    pub fn motion(&self) -> &SupportedMotion {
+        &self.motion
     }
 
     /// Sum of the squared length changes, the objective (30).
     #[must_use]
     pub fn cost(&self) -> f64 {
-        actuation_cost(&self.symmetric, &self.configurations)
+        actuation_cost(&self.symmetric, &self.motion.configurations)
     }
 
     /// Greatest length of any member at any time over the least.
     #[must_use]
     pub fn length_ratio(&self) -> f64 {
-        length_ratio(&self.symmetric, &self.configurations)
+        length_ratio(&self.symmetric, &self.motion.configurations)
     }
 
     /// The primitive carried to another stance of the same robot, its first roll over `side`;
@@ -246,108 +242,12 @@ impl Primitive {
         side: usize,
         mirrored: bool,
     ) -> Option<(SupportedMotion, Stance)> {
-        let map = self.symmetric.placement(stance, side, mirrored)?;
-        let roles = self.symmetric.roles_at(stance, &map)?;
-        let robot = self.symmetric.robot();
-        let dimension = robot.dimension();
-        let place = |source: &[f64]| {
-            let mut placed = source.to_vec();
-            for (node, &role) in roles.iter().enumerate() {
-                let image = map.apply(&dimension.node(source, role));
-                dimension.set_node(&mut placed, node, &image);
-            }
-            placed
-        };
-        let node_of = |role: usize| roles.iter().position(|&r| r == role);
-        let rename = |support: &Support| {
-            let nodes: Option<Vec<usize>> =
-                support.nodes().iter().map(|&role| node_of(role)).collect();
-            Support::new(robot, &nodes?).ok()
-        };
-        let motion = SupportedMotion {
-            configurations: self.configurations.iter().map(|c| place(c)).collect(),
-            supports: self
-                .supports
-                .iter()
-                .map(rename)
-                .collect::<Option<Vec<_>>>()?,
-            rolls: self.rolls.clone(),
-        };
+        let placed = self.symmetric.place(&self.motion, stance, side, mirrored)?;
         let end = Stance {
-            coordinates: place(&self.end.coordinates),
-            support: rename(&self.end.support)?,
+            coordinates: placed.configurations.last()?.clone(),
+            support: placed.supports.last()?.clone(),
         };
-        Some((motion, end))
-    }
-}
-
-/// A periodic gait (equation (39)): from the tipping configuration of one roll to that of the
-/// next, of the same shape.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Gait {
-    pub(crate) symmetric: SymmetricRobot,
-    pub(crate) configurations: Vec<Vec<f64>>,
-    pub(crate) supports: [Support; 2],
-    pub(crate) map: crate::GroundIsometry,
-    pub(crate) roles: Vec<usize>,
-}
-
-impl Gait {
-    /// Coordinates of each configuration of one period. The first is the tipping configuration;
-    /// the robot rolls between the first and the second.
-    #[must_use]
-    pub fn configurations(&self) -> &[Vec<f64>] {
-        &self.configurations
-    }
-
-    /// Sum of the squared length changes of one period.
-    #[must_use]
-    pub fn cost(&self) -> f64 {
-        actuation_cost(&self.symmetric, &self.configurations)
-    }
-
-    /// Greatest length of any member at any time over the least.
-    #[must_use]
-    pub fn length_ratio(&self) -> f64 {
-        length_ratio(&self.symmetric, &self.configurations)
-    }
-
-    /// The gait repeated over `periods` rolls.
-    #[must_use]
-    pub fn repeat(&self, periods: usize) -> SupportedMotion {
-        let robot = self.symmetric.robot();
-        let dimension = robot.dimension();
-        let nodes = robot.graph().num_nodes();
-        let mut roles: Vec<usize> = (0..nodes).collect();
-        let mut motion = SupportedMotion {
-            configurations: vec![self.configurations[0].clone()],
-            supports: vec![self.supports[0].clone()],
-            rolls: Vec::new(),
-        };
-        for period in 0..periods {
-            motion.rolls.push(motion.configurations.len() - 1);
-            for source in &self.configurations[1..] {
-                let mut placed = source.clone();
-                for (node, &role) in roles.iter().enumerate() {
-                    let mut point = dimension.node(source, role);
-                    for _ in 0..period {
-                        point = self.map.apply(&point);
-                    }
-                    dimension.set_node(&mut placed, node, &point);
-                }
-                motion.configurations.push(placed);
-            }
-            let mut support = self.supports[1].nodes().to_vec();
-            for node in &mut support {
-                // Every role is played by one node.
-                *node = roles.iter().position(|role| role == node).unwrap_or(*node);
-            }
-            if let Ok(support) = Support::new(robot, &support) {
-                motion.supports.push(support);
-            }
-            roles = roles.iter().map(|&role| self.roles[role]).collect();
-        }
-        motion
+        Some((placed, end))
     }
 }
 

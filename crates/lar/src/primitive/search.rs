@@ -12,11 +12,12 @@ use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 use tensegra_optim::{DenseSqp, SparseSqp, SqpOptions, SqpReport, SqpStatus};
 
+use super::between::tightened;
 use super::motion::{Ends, MotionProblem, MotionSpec};
-use super::sequence::{SequenceRoll, Stance, SymmetricRobot, Turn, straight_strip};
-use super::{Gait, Primitive, PrimitiveError, PrimitiveOptions};
+use super::sequence::{SequenceRoll, Stance, SymmetricRobot, Turn};
+use super::{Primitive, PrimitiveError, PrimitiveOptions, SupportedMotion};
+use crate::Robot;
 use crate::support::{landing_angle, turn};
-use crate::{GroundIsometry, Robot};
 
 /// Steps of the coarse motion, and most iterations spent on it.
 const COARSE_STEPS: usize = 14;
@@ -69,24 +70,18 @@ pub struct PrimitiveSearch {
     pub attempts: Vec<PrimitiveAttempt>,
 }
 
-/// Outcome of a search for a periodic gait.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GaitSearch {
-    /// The gait.
-    pub best: Gait,
-    /// All attempts in the order in which they were made.
-    pub attempts: Vec<PrimitiveAttempt>,
-}
-
 /// The parts that all problems of one sequence share.
-struct Sequence<'a> {
-    robot: &'a Robot,
-    stances: Vec<Stance>,
-    rolls: Vec<SequenceRoll>,
+pub(super) struct Sequence<'a> {
+    pub robot: &'a Robot,
+    pub stances: Vec<Stance>,
+    pub rolls: Vec<SequenceRoll>,
 }
 
 impl<'a> Sequence<'a> {
-    fn new(symmetric: &'a SymmetricRobot, turns: &[Turn]) -> Result<Self, PrimitiveError> {
+    pub(super) fn new(
+        symmetric: &'a SymmetricRobot,
+        turns: &[Turn],
+    ) -> Result<Self, PrimitiveError> {
         let (stances, rolls) = symmetric.sequence(turns).ok_or(PrimitiveError::Sequence)?;
         let robot = symmetric.robot();
         for stance in &stances {
@@ -109,12 +104,18 @@ impl<'a> Sequence<'a> {
         })
     }
 
-    /// The problem with `steps` steps a roll. The bound on node steps grows with their size, so
-    /// that a coarse motion may go as far as a fine one.
-    fn problem(&self, options: &PrimitiveOptions, steps: usize, tip: usize) -> MotionProblem<'a> {
+    /// The problem with `steps` steps a roll, for this robot or one with tighter limits. The bound
+    /// on node steps grows with their size, so that a coarse motion may go as far as a fine one.
+    pub(super) fn problem<'r>(
+        &self,
+        robot: &'r Robot,
+        options: &PrimitiveOptions,
+        (steps, tip): (usize, usize),
+        ends: Ends,
+    ) -> MotionProblem<'r> {
         let coarseness = options.steps as f64 / steps as f64;
         MotionProblem::new(
-            self.robot,
+            robot,
             &MotionSpec {
                 stances: &self.stances,
                 rolls: &self.rolls,
@@ -122,14 +123,14 @@ impl<'a> Sequence<'a> {
                 tip,
                 max_move: (steps > 2).then_some(self.robot.limits().max_move * coarseness),
                 max_tip_change: options.max_tip_change.filter(|_| steps > 2),
-                ends: Ends::Fixed,
+                ends,
             },
         )
     }
 
     /// The shape `tip` before a roll, turned over the side so that the landing node stands where
     /// the next stance has it.
-    fn after_roll(&self, roll: usize, tip: &[f64]) -> Vec<f64> {
+    pub(super) fn after_roll(&self, roll: usize, tip: &[f64]) -> Vec<f64> {
         let (stance, next) = (&self.stances[roll], &self.stances[roll + 1]);
         let SequenceRoll {
             side,
@@ -167,7 +168,7 @@ impl<'a> Sequence<'a> {
     }
 }
 
-fn interpolate(from: &[f64], to: &[f64], time: f64) -> Vec<f64> {
+pub(super) fn interpolate(from: &[f64], to: &[f64], time: f64) -> Vec<f64> {
     from.iter()
         .zip(to)
         .map(|(a, b)| a + time * (b - a))
@@ -175,7 +176,7 @@ fn interpolate(from: &[f64], to: &[f64], time: f64) -> Vec<f64> {
 }
 
 /// Resamples a part of a motion between two configurations that are kept.
-fn resample(part: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
+pub(super) fn resample(part: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
     let last = part.len() - 1;
     (0..count)
         .map(|k| {
@@ -208,6 +209,62 @@ fn solve(
         .solve(problem, &mut x)
         .map_err(|error| invalid(error.to_string()))?;
     Ok((report, problem.configurations(&x)))
+}
+
+/// A motion that keeps all constraints, and how its last optimisation went.
+pub(super) struct Solved {
+    pub motion: SupportedMotion,
+    pub attempt: PrimitiveAttempt,
+}
+
+/// Times that limits are tightened for a motion that misses them between configurations.
+const TIGHTENINGS: usize = 5;
+
+/// Solves a full problem from a guess. Where the motion falls short of a limit between
+/// configurations, the limit is tightened by what is missing and the problem solved again from
+/// there. `build` states the problem for a robot with the limits to use.
+///
+/// # Errors
+/// `NotFound` when no motion that keeps all constraints is reached.
+pub(super) fn solve_full(
+    sequence: &Sequence<'_>,
+    guess: &[Vec<f64>],
+    options: &PrimitiveOptions,
+    build: impl for<'r> Fn(&'r Robot) -> MotionProblem<'r>,
+) -> Result<Solved, PrimitiveError> {
+    let mut robot = sequence.robot.clone();
+    let mut guess = guess.to_vec();
+    for _ in 0..=TIGHTENINGS {
+        let mut problem = build(&robot);
+        if guess.len() != problem.num_configurations() {
+            return Err(PrimitiveError::GuessLength {
+                expected: problem.num_configurations(),
+                found: guess.len(),
+            });
+        }
+        let (report, configurations) = solve(&mut problem, &guess, options)?;
+        let attempt = PrimitiveAttempt::new(options.steps, &report);
+        if !attempt.is_feasible() {
+            return Err(PrimitiveError::NotFound {
+                reason: reason(&problem, &report),
+            });
+        }
+        let rolls = problem.rolls().to_vec();
+        let stances = &sequence.stances[..=rolls.len()];
+        let motion = SupportedMotion {
+            configurations,
+            supports: stances.iter().map(|s| s.support.clone()).collect(),
+            rolls,
+        };
+        match tightened(sequence.robot, robot.limits(), &motion) {
+            None => return Ok(Solved { motion, attempt }),
+            Some(limits) => robot = robot.with_limits(limits),
+        }
+        guess = motion.configurations;
+    }
+    Err(PrimitiveError::NotFound {
+        reason: "between configurations the limits are missed; try more steps".to_owned(),
+    })
 }
 
 /// Says how a run ended.
@@ -256,30 +313,14 @@ fn finish(
     guess: &[Vec<f64>],
     options: &PrimitiveOptions,
 ) -> Result<(Primitive, PrimitiveAttempt), PrimitiveError> {
-    let mut problem = sequence.problem(options, options.steps, options.tip);
-    if guess.len() != problem.num_configurations() {
-        return Err(PrimitiveError::GuessLength {
-            expected: problem.num_configurations(),
-            found: guess.len(),
-        });
-    }
-    let (report, configurations) = solve(&mut problem, guess, options)?;
-    let attempt = PrimitiveAttempt::new(options.steps, &report);
-    if !attempt.is_feasible() {
-        return Err(PrimitiveError::NotFound {
-            reason: reason(&problem, &report),
-        });
-    }
+    let size = (options.steps, options.tip);
+    let Solved { motion, attempt } = solve_full(sequence, guess, options, |robot| {
+        sequence.problem(robot, options, size, Ends::Fixed)
+    })?;
     let primitive = Primitive {
         symmetric: symmetric.clone(),
         turns: turns.to_vec(),
-        configurations,
-        supports: sequence
-            .stances
-            .iter()
-            .map(|stance| stance.support.clone())
-            .collect(),
-        rolls: problem.rolls().to_vec(),
+        motion,
         end: sequence.stances[sequence.stances.len() - 1].clone(),
     };
     Ok((primitive, attempt))
@@ -319,7 +360,8 @@ pub fn find_primitive(
         }
         let tip_index = COARSE_STEPS / 2;
         let guess = sequence.through_tip(tip, COARSE_STEPS, tip_index);
-        let mut problem = sequence.problem(options, COARSE_STEPS, tip_index);
+        let size = (COARSE_STEPS, tip_index);
+        let mut problem = sequence.problem(sequence.robot, options, size, Ends::Fixed);
         let patience = options.max_iterations.min(COARSE_ITERATIONS);
         let (full, options) = (options, options.clone().with_max_iterations(patience));
         let (report, motion) = solve(&mut problem, &guess, &options)?;
@@ -390,7 +432,7 @@ fn find_tips(
     let reach = line.outside(&landing);
     let along = (landing - middle).dot(&line.axis);
 
-    let mut problem = sequence.problem(options, 2, 1);
+    let mut problem = sequence.problem(robot, options, (2, 1), Ends::Fixed);
     let mut solver = DenseSqp::new(sqp_options(options, 0.3).with_max_iterations(60))
         .map_err(|error| invalid(error.to_string()))?;
     let mut found: Vec<(usize, f64, Vec<f64>)> = Vec::new();
@@ -488,7 +530,7 @@ pub fn extend_primitive(
 }
 
 /// A one-roll primitive repeated along a sequence.
-fn repeated(
+pub(super) fn repeated(
     primitive: &Primitive,
     sequence: &Sequence<'_>,
 ) -> Result<Vec<Vec<f64>>, PrimitiveError> {
@@ -500,113 +542,4 @@ fn repeated(
         motion.extend_from_slice(&placed.configurations[1..]);
     }
     Ok(motion)
-}
-
-/// Optimises a periodic gait along a straight strip (equation (39)), whose shape at the tip is
-/// free, starting from a one-roll primitive; should that fail, from the straight way between its
-/// tip shapes.
-///
-/// # Errors
-/// See [`PrimitiveError`]; `NotFound` when no attempt reaches a feasible gait.
-pub fn find_gait(
-    primitive: &Primitive,
-    options: &PrimitiveOptions,
-) -> Result<GaitSearch, PrimitiveError> {
-    options.validate()?;
-    let symmetric = primitive.symmetric_robot();
-    let robot = symmetric.robot();
-    let sequence = Sequence::new(symmetric, &straight_strip(2))?;
-    let (map, roles) = period(symmetric, &sequence).ok_or(PrimitiveError::Sequence)?;
-    let mut problem = MotionProblem::new(
-        robot,
-        &MotionSpec {
-            stances: &sequence.stances,
-            rolls: &sequence.rolls,
-            steps: options.steps,
-            tip: 0,
-            max_move: Some(robot.limits().max_move),
-            max_tip_change: options.max_tip_change,
-            ends: Ends::Periodic {
-                map,
-                roles: roles.clone(),
-            },
-        },
-    );
-
-    let twice = repeated(primitive, &sequence)?;
-    let (first, second) = (primitive.rolls[0], primitive.rolls[0] + options.steps);
-    let through_stance = twice[first..=second].to_vec();
-    // Straight from the shape after the roll to the next tipping shape.
-    let direct: Vec<Vec<f64>> = std::iter::once(through_stance[0].clone())
-        .chain((1..=options.steps).map(|step| {
-            let time = (step - 1) as f64 / (options.steps - 1) as f64;
-            interpolate(&through_stance[1], &through_stance[options.steps], time)
-        }))
-        .collect();
-    let mut attempts = Vec::new();
-    let mut best = None;
-    let mut failure = String::new();
-    for guess in [through_stance, direct] {
-        let (report, configurations) = solve(&mut problem, &guess, options)?;
-        let attempt = PrimitiveAttempt::new(options.steps, &report);
-        let feasible = attempt.is_feasible();
-        attempts.push(attempt);
-        if feasible {
-            best = Some(configurations);
-            break;
-        }
-        failure = reason(&problem, &report);
-    }
-    let Some(configurations) = best else {
-        return Err(PrimitiveError::NotFound { reason: failure });
-    };
-    let supports = [
-        sequence.stances[0].support.clone(),
-        sequence.stances[1].support.clone(),
-    ];
-    let best = Gait {
-        symmetric: symmetric.clone(),
-        configurations,
-        supports,
-        map,
-        roles,
-    };
-    Ok(GaitSearch { best, attempts })
-}
-
-/// The isometry and renaming that carry the first stance of a straight strip, with its roll, to
-/// the second.
-fn period(
-    symmetric: &SymmetricRobot,
-    sequence: &Sequence<'_>,
-) -> Option<(GroundIsometry, Vec<usize>)> {
-    let (stance, next) = (&sequence.stances[0], &sequence.stances[1]);
-    let dimension = symmetric.robot().dimension();
-    let (first, second) = (&sequence.rolls[0], &sequence.rolls[1]);
-    // The pivot that stays is the image of the one that lifts next: v₁ → v₂ while v₀ → v₁.
-    let lifts = second.lifted;
-    let stays = if first.pivots[0] == lifts {
-        first.pivots[1]
-    } else {
-        first.pivots[0]
-    };
-    let at = |stance: &Stance, node: usize| dimension.node(&stance.coordinates, node);
-    let from = [at(stance, first.lifted), at(stance, lifts)];
-    let to = [at(next, lifts), at(next, stays)];
-    [true, false].into_iter().find_map(|mirrored| {
-        let map = GroundIsometry::between_segments(from, to, mirrored, 1e-6)?;
-        let image = map.apply(&at(stance, stays));
-        if (image - at(next, second.pivots.iter().copied().find(|&n| n != stays)?)).norm() > 1e-6 {
-            return None;
-        }
-        let roles = super::symmetry::match_nodes(
-            symmetric.robot(),
-            &stance.coordinates,
-            &next.coordinates,
-            &map,
-            1e-6,
-        )
-        .ok()?;
-        Some((map, roles))
-    })
 }

@@ -3,6 +3,7 @@
 //! The roll over one side of the canonical start fixes all others: the isometry that takes that
 //! side to the side rolled over carries the start, the end and the renaming of nodes along.
 
+use super::SupportedMotion;
 use crate::primitive::symmetry::{Relabelling, check_symmetry, match_nodes, relabellings};
 use crate::{GroundIsometry, Robot, Support, SymmetryError};
 
@@ -215,6 +216,44 @@ impl SymmetricRobot {
             to.swap(0, 1);
         }
         GroundIsometry::between_segments(from, to, mirrored, self.tolerance())
+    }
+
+    /// A motion that starts from the canonical start, or is relative to it, carried to another
+    /// stance, its first roll over `side`; `mirrored` swaps left and right. None when `stance` is
+    /// not a symmetric stance of this robot.
+    pub(crate) fn place(
+        &self,
+        motion: &SupportedMotion,
+        stance: &Stance,
+        side: usize,
+        mirrored: bool,
+    ) -> Option<SupportedMotion> {
+        let map = self.placement(stance, side, mirrored)?;
+        let roles = self.roles_at(stance, &map)?;
+        let dimension = self.robot.dimension();
+        let place = |source: &Vec<f64>| {
+            let mut placed = source.clone();
+            for (node, &role) in roles.iter().enumerate() {
+                let image = map.apply(&dimension.node(source, role));
+                dimension.set_node(&mut placed, node, &image);
+            }
+            placed
+        };
+        let node_of = |role: usize| roles.iter().position(|&r| r == role);
+        let rename = |support: &Support| {
+            let nodes: Option<Vec<usize>> =
+                support.nodes().iter().map(|&role| node_of(role)).collect();
+            Support::new(&self.robot, &nodes?).ok()
+        };
+        Some(SupportedMotion {
+            configurations: motion.configurations.iter().map(place).collect(),
+            supports: motion
+                .supports
+                .iter()
+                .map(rename)
+                .collect::<Option<Vec<_>>>()?,
+            rolls: motion.rolls.clone(),
+        })
     }
 
     /// Names of nodes of the canonical start at the places of `stance` seen through `map`.

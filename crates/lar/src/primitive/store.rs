@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::symmetry::relabellings;
-use super::{Primitive, SymmetricRobot, Turn};
+use super::{Primitive, SupportedMotion, SymmetricRobot, Turn};
 use crate::{
     Dimension, Graph, GraphError, Limits, Robot, RobotError, Support, SupportError, SymmetryError,
 };
@@ -94,8 +94,9 @@ impl Primitive {
             side: self.symmetric.side(),
             roles: self.symmetric.relabelling().roles().to_vec(),
             turns: self.turns.clone(),
-            rolls: self.rolls.clone(),
+            rolls: self.motion.rolls.clone(),
             configurations: self
+                .motion
                 .configurations
                 .iter()
                 .map(|x| x.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect())
@@ -187,9 +188,11 @@ impl Primitive {
         Ok(Self {
             symmetric,
             turns: file.turns,
-            configurations,
-            supports,
-            rolls: file.rolls,
+            motion: SupportedMotion {
+                configurations,
+                supports,
+                rolls: file.rolls,
+            },
             end,
         })
     }

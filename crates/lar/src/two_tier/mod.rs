@@ -3,129 +3,24 @@
 //!
 //! Source: Usevitch et al., sections V.C and V.D. A* chooses the support polygons; a roll is
 //! allowed where the ground that the one-roll primitive sweeps is free. The path is then cut into
-//! pieces of one or more rolls, each walked by the primitive for its sequence of turns, so that
-//! the sum of the costs is least (dynamic programming); pieces whose primitive would touch an
-//! obstacle are not used. The result is feasible by construction.
+//! pieces, each walked by the primitive for its sequence of turns or by a periodic gait that can
+//! turn, so that the sum of the costs is least. The result is feasible by construction.
 
 mod grid;
-
-use std::collections::BTreeMap;
+mod library;
+mod pieces;
 
 use nalgebra::{Point2, Vector3};
 use thiserror::Error;
 
 pub use grid::{Cell, GridGoal, GridSearch, TriangularGrid, search_grid};
+pub use library::{LibraryAttempts, PrimitiveLibrary};
+pub use pieces::Piece;
+
+use pieces::RollPath;
 
 use crate::obstacle::{convex_hull, plan_view};
-use crate::{
-    Obstacle, Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveOptions, Robot, SequenceRoll,
-    Stance, SupportedMotion, Turn, extend_primitive,
-};
-
-/// Primitives over one or more rolls, found by their turns.
-///
-/// A sequence whose first turn leads right is walked by the mirror image of the one that leads
-/// left, so that 2^(p−2) primitives serve all sequences of p rolls.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PrimitiveLibrary {
-    primitives: BTreeMap<Vec<bool>, Primitive>,
-}
-
-/// For each sequence of turns of a library, how its optimisation went.
-pub type LibraryAttempts = Vec<(Vec<Turn>, PrimitiveAttempt)>;
-
-/// A sequence of turns as a key: whether each differs from the first.
-fn key(turns: &[Turn]) -> Vec<bool> {
-    turns.iter().map(|turn| *turn != turns[0]).collect()
-}
-
-impl PrimitiveLibrary {
-    /// A library of the one-roll primitive alone.
-    #[must_use]
-    pub fn new(one_roll: Primitive) -> Self {
-        Self {
-            primitives: BTreeMap::from([(Vec::new(), one_roll)]),
-        }
-    }
-
-    /// Adds optimised primitives for all sequences of up to `rolls` rolls. A sequence for which
-    /// none is found is left out: it will be walked in shorter pieces.
-    ///
-    /// # Errors
-    /// Options outside their range.
-    pub fn extend(
-        mut self,
-        rolls: usize,
-        options: &PrimitiveOptions,
-    ) -> Result<(Self, LibraryAttempts), PrimitiveError> {
-        let mut attempts = Vec::new();
-        let one_roll = self.one_roll().clone();
-        for count in 2..=rolls {
-            // Turns after the first, as the bits of a number.
-            for word in 0..1_usize << (count - 2) {
-                let turns: Vec<Turn> = std::iter::once(Turn::Left)
-                    .chain((0..count - 2).map(|bit| {
-                        if word >> bit & 1 == 1 {
-                            Turn::Right
-                        } else {
-                            Turn::Left
-                        }
-                    }))
-                    .collect();
-                match extend_primitive(&one_roll, &turns, options) {
-                    Ok((primitive, attempt)) => {
-                        self.primitives.insert(key(&turns), primitive);
-                        attempts.push((turns, attempt));
-                    }
-                    Err(PrimitiveError::NotFound { .. }) => {}
-                    Err(other) => return Err(other),
-                }
-            }
-        }
-        Ok((self, attempts))
-    }
-
-    /// Adds a primitive that was computed or read elsewhere. It must belong to the same robot and
-    /// renaming as the others; returns false, and changes nothing, if not.
-    pub fn insert(&mut self, primitive: Primitive) -> bool {
-        let fits = primitive.symmetric_robot() == self.one_roll().symmetric_robot();
-        if fits {
-            self.primitives.insert(key(primitive.turns()), primitive);
-        }
-        fits
-    }
-
-    /// The one-roll primitive.
-    #[must_use]
-    pub fn one_roll(&self) -> &Primitive {
-        // `new` puts it there, and nothing takes it out.
-        &self.primitives[&Vec::new()]
-    }
-
-    /// The primitive for a sequence of turns after the first roll, and whether it has to be
-    /// mirrored.
-    #[must_use]
-    pub fn get(&self, turns: &[Turn]) -> Option<(&Primitive, bool)> {
-        let primitive = self.primitives.get(&key(turns))?;
-        let mirrored = primitive.turns().first() != turns.first();
-        Some((primitive, mirrored))
-    }
-
-    /// All primitives.
-    pub fn primitives(&self) -> impl Iterator<Item = &Primitive> {
-        self.primitives.values()
-    }
-
-    /// Most rolls of a primitive.
-    #[must_use]
-    pub fn max_rolls(&self) -> usize {
-        self.primitives
-            .values()
-            .map(Primitive::num_rolls)
-            .max()
-            .unwrap_or(1)
-    }
-}
+use crate::{Obstacle, Robot, SequenceRoll, Stance, SupportedMotion};
 
 /// Why two-tier planning found no walk.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -187,8 +82,8 @@ pub struct TwoTierWalk {
     pub grid: TriangularGrid,
     /// The cells walked over, one for each support.
     pub cells: Vec<Cell>,
-    /// Rolls of the primitives that the walk is made of, in order.
-    pub pieces: Vec<usize>,
+    /// What the walk is made of, in order.
+    pub pieces: Vec<Piece>,
     /// The search for each waypoint.
     pub searches: Vec<GridSearch>,
 }
@@ -307,14 +202,15 @@ impl<'a> TwoTierPlanner<'a> {
             searches.push(search);
         }
 
-        // The second tier: primitives.
+        // The second tier: primitives and gaits.
         let (stances, rolls) = self
             .stances(start, &grid, &cells)
             .ok_or(TwoTierError::StartStance)?;
-        let pieces = self
-            .cut(&stances, &rolls)
-            .ok_or(TwoTierError::StartStance)?;
-        let motion = self.stitch(start, &stances, &rolls, &pieces);
+        let path = RollPath::new(self.library, stances, rolls);
+        let is_free = |motion: &SupportedMotion| self.touched(&self.swept(motion)).is_none();
+        let is_free: Option<&dyn Fn(&SupportedMotion) -> bool> =
+            (!self.obstacles.is_empty()).then_some(&is_free);
+        let (pieces, motion) = path.walk(is_free).ok_or(TwoTierError::StartStance)?;
         Ok(TwoTierWalk {
             motion,
             grid,
@@ -369,7 +265,7 @@ impl<'a> TwoTierPlanner<'a> {
             .map(|&node| dimension.node(&stance.coordinates, node))
             .sum::<Vector3<f64>>()
             / 2.0;
-        self.swept(&primitive.motion())
+        self.swept(primitive.motion())
             .iter()
             .map(|p| {
                 let offset = Vector3::new(p.x, p.y, 0.0) - middle;
@@ -407,119 +303,6 @@ impl<'a> TwoTierPlanner<'a> {
             rolls.push(roll);
         }
         Some((stances, rolls))
-    }
-
-    /// Cuts the rolls into pieces that primitives walk, at the least sum of costs.
-    fn cut(&self, stances: &[Stance], rolls: &[SequenceRoll]) -> Option<Vec<usize>> {
-        let turns = self.turns(stances, rolls);
-        // Least cost of the first k rolls, and the length of the last piece.
-        let mut best: Vec<(f64, usize)> = vec![(0.0, 0)];
-        for end in 1..=rolls.len() {
-            let mut choice = (f64::INFINITY, 0);
-            for length in 1..=self.library.max_rolls().min(end) {
-                let first = end - length;
-                let Some((primitive, mirrored)) = self.primitive(&turns[first..end - 1]) else {
-                    continue;
-                };
-                let cost = best[first].0 + primitive.cost();
-                if cost < choice.0
-                    && self.is_free(primitive, &stances[first], &rolls[first], mirrored)
-                {
-                    choice = (cost, length);
-                }
-            }
-            best.push(choice);
-        }
-        let mut pieces = Vec::new();
-        let mut end = rolls.len();
-        while end > 0 {
-            let length = best[end].1;
-            if length == 0 {
-                return None;
-            }
-            pieces.push(length);
-            end -= length;
-        }
-        pieces.reverse();
-        Some(pieces)
-    }
-
-    fn is_free(
-        &self,
-        primitive: &Primitive,
-        stance: &Stance,
-        roll: &SequenceRoll,
-        mirrored: bool,
-    ) -> bool {
-        self.obstacles.is_empty()
-            || primitive
-                .place(stance, roll.side, mirrored)
-                .is_some_and(|(motion, _)| self.touched(&self.swept(&motion)).is_none())
-    }
-
-    /// The turns between successive rolls; none where a roll goes back over the side that the last
-    /// one came over, as at a waypoint from which the way leads back.
-    fn turns(&self, stances: &[Stance], rolls: &[SequenceRoll]) -> Vec<Option<Turn>> {
-        (1..rolls.len())
-            .map(|k| self.turn(&stances[k], &rolls[k - 1], &rolls[k]))
-            .collect()
-    }
-
-    /// The primitive that walks a piece with the given turns, and whether it has to be mirrored.
-    fn primitive(&self, turns: &[Option<Turn>]) -> Option<(&'a Primitive, bool)> {
-        let turns: Vec<Turn> = turns.iter().copied().collect::<Option<_>>()?;
-        self.library.get(&turns)
-    }
-
-    /// Whether `next` turns left or right after `last`.
-    fn turn(&self, stance: &Stance, last: &SequenceRoll, next: &SequenceRoll) -> Option<Turn> {
-        if next.lifted == last.landed {
-            return None;
-        }
-        let at = |node: usize| self.robot().dimension().node(&stance.coordinates, node);
-        let ahead = at(last.landed) - (at(last.pivots[0]) + at(last.pivots[1])) * 0.5;
-        // The pivot that lifts lies on the side away from the turn.
-        Some(
-            if ahead.cross(&(at(next.lifted) - at(last.landed))).z > 0.0 {
-                Turn::Right
-            } else {
-                Turn::Left
-            },
-        )
-    }
-
-    fn stitch(
-        &self,
-        start: &Stance,
-        stances: &[Stance],
-        rolls: &[SequenceRoll],
-        pieces: &[usize],
-    ) -> SupportedMotion {
-        let turns = self.turns(stances, rolls);
-        let mut motion = SupportedMotion {
-            configurations: vec![start.coordinates.clone()],
-            supports: vec![start.support.clone()],
-            rolls: Vec::new(),
-        };
-        let mut first = 0;
-        for &length in pieces {
-            let placed = self
-                .primitive(&turns[first..first + length - 1])
-                .and_then(|(p, mirrored)| p.place(&stances[first], rolls[first].side, mirrored));
-            // `cut` has used only primitives that are there and can be placed.
-            if let Some((piece, _)) = placed {
-                let offset = motion.configurations.len() - 1;
-                motion
-                    .rolls
-                    .extend(piece.rolls.iter().map(|roll| roll + offset));
-                motion
-                    .configurations
-                    .extend_from_slice(&piece.configurations[1..]);
-                motion.supports.extend_from_slice(&piece.supports[1..]);
-            }
-            first += length;
-        }
-        motion
     }
 }
 

@@ -41,11 +41,38 @@ pub(super) enum Ends {
     Fixed,
     /// The motion begins at the tipping configuration of the first roll and ends at that of the
     /// second, which is its image: node i there stands at the image of node `roles[i]` here
-    /// (equation (39)). Two rolls and three stances are given.
+    /// (equation (39)). Two rolls and three stances are given. With `mirror`, the tipping
+    /// configuration is its own mirror image in the middle of the side rolled over.
     Periodic {
         map: GroundIsometry,
         roles: Vec<usize>,
+        mirror: Option<TipMirror>,
     },
+    /// The motion begins and ends at given configurations, without a roll, or with one in its
+    /// first step. Between them, or after the roll, there are `steps` steps.
+    Given {
+        first: Vec<f64>,
+        last: Vec<f64>,
+        steps: usize,
+        rolls: bool,
+    },
+}
+
+impl Ends {
+    fn mirror(&self) -> Option<&TipMirror> {
+        match self {
+            Self::Periodic { mirror, .. } => mirror.as_ref(),
+            _ => None,
+        }
+    }
+}
+
+/// The mirror image of a tipping configuration in the vertical plane through the middle of the
+/// side rolled over: node i stands at the image of node `partners[i]`.
+#[derive(Debug, Clone)]
+pub(super) struct TipMirror {
+    pub map: GroundIsometry,
+    pub partners: Vec<usize>,
 }
 
 /// One configuration of the motion.
@@ -99,6 +126,12 @@ enum Row {
         role: usize,
         axis: usize,
     },
+    /// A component of a node of the first configuration minus that of its partner's mirror image.
+    Mirror {
+        node: usize,
+        partner: usize,
+        direction: Vector3<f64>,
+    },
 }
 
 /// The nonlinear programme.
@@ -127,13 +160,18 @@ impl<'a> MotionProblem<'a> {
     pub(super) fn new(robot: &'a Robot, spec: &MotionSpec<'_>) -> Self {
         let size = robot.num_coordinates();
         let periodic = matches!(spec.ends, Ends::Periodic { .. });
-        let (count, rolls): (usize, Vec<usize>) = if periodic {
-            (spec.steps + 1, vec![0])
-        } else {
-            let rolls = (0..spec.rolls.len())
-                .map(|roll| roll * spec.steps + spec.tip)
-                .collect();
-            (spec.rolls.len() * spec.steps + 1, rolls)
+        let (count, rolls): (usize, Vec<usize>) = match spec.ends {
+            Ends::Periodic { .. } => (spec.steps + 1, vec![0]),
+            Ends::Given {
+                steps, rolls: true, ..
+            } => (steps + 2, vec![0]),
+            Ends::Given { steps, .. } => (steps + 1, Vec::new()),
+            Ends::Fixed => {
+                let rolls = (0..spec.rolls.len())
+                    .map(|roll| roll * spec.steps + spec.tip)
+                    .collect();
+                (spec.rolls.len() * spec.steps + 1, rolls)
+            }
         };
 
         let mut slots: Vec<Slot> = Vec::with_capacity(count);
@@ -142,12 +180,11 @@ impl<'a> MotionProblem<'a> {
         for index in 0..count {
             let stance = &spec.stances[rolls.iter().filter(|&&roll| roll < index).count()];
             let given = !periodic && (index == 0 || index + 1 == count);
-            let source = if given && index > 0 {
-                &spec.stances[spec.rolls.len()]
-            } else {
-                stance
-            };
-            coordinates.extend_from_slice(&source.coordinates);
+            coordinates.extend_from_slice(match &spec.ends {
+                Ends::Given { first, .. } if index == 0 => first,
+                Ends::Given { last, .. } if index + 1 == count => last,
+                _ => &stance.coordinates,
+            });
             let nodes = robot.graph().num_nodes();
             let free: Vec<usize> = if given {
                 Vec::new()
@@ -162,7 +199,7 @@ impl<'a> MotionProblem<'a> {
             }
             let unknowns = AXES * free.len();
             slots.push(Slot {
-                support: source.support.clone(),
+                support: stance.support.clone(),
                 free,
                 offset,
                 place,
@@ -285,7 +322,7 @@ impl<'a> MotionProblem<'a> {
                 }
             }
         }
-        if let Ends::Periodic { roles, .. } = &self.ends {
+        if let Ends::Periodic { roles, mirror, .. } = &self.ends {
             let last = &self.slots[self.slots.len() - 1];
             for &node in &last.free {
                 for axis in 0..AXES {
@@ -293,6 +330,32 @@ impl<'a> MotionProblem<'a> {
                         node,
                         role: roles[node],
                         axis,
+                    });
+                }
+            }
+            let first = &self.slots[0];
+            let line = first.support.side_line(
+                Dimension::Three,
+                self.slot_coordinates(0),
+                spec.rolls[0].side,
+            );
+            let partners = mirror.iter().flat_map(|mirror| {
+                let free = first.free.iter();
+                free.map(|&node| (node, mirror.partners[node]))
+            });
+            for (node, partner) in partners {
+                let directions = [line.axis, line.outward, Vector3::z()];
+                // A node that is its own partner is only kept from leaving the mirror.
+                let count = match partner.cmp(&node) {
+                    std::cmp::Ordering::Less => 0,
+                    std::cmp::Ordering::Equal => 1,
+                    std::cmp::Ordering::Greater => 3,
+                };
+                for &direction in &directions[..count] {
+                    rows.push(Row::Mirror {
+                        node,
+                        partner,
+                        direction,
                     });
                 }
             }
@@ -485,6 +548,17 @@ impl<'a> MotionProblem<'a> {
                 let last = self.slot_coordinates(self.slots.len() - 1);
                 Dimension::Three.node(last, *node)[*axis] - image[*axis]
             }
+            Row::Mirror {
+                node,
+                partner,
+                direction,
+            } => {
+                let Some(mirror) = self.ends.mirror() else {
+                    return 0.0;
+                };
+                let at = |node: usize| Dimension::Three.node(self.slot_coordinates(0), node);
+                direction.dot(&(at(*node) - mirror.map.apply(&at(*partner))))
+            }
         }
     }
 
@@ -567,6 +641,22 @@ impl<'a> MotionProblem<'a> {
                 emit(&self.slots, self.slots.len() - 1, *node, unit);
                 emit(&self.slots, 0, *role, -pulled_back);
             }
+            Row::Mirror {
+                node,
+                partner,
+                direction,
+            } => {
+                let Some(mirror) = self.ends.mirror() else {
+                    return;
+                };
+                let pulled_back = mirror.map.inverse().apply_direction(direction);
+                if node == partner {
+                    emit(&self.slots, 0, *node, direction - pulled_back);
+                } else {
+                    emit(&self.slots, 0, *node, *direction);
+                    emit(&self.slots, 0, *partner, -pulled_back);
+                }
+            }
         }
     }
 
@@ -598,6 +688,7 @@ impl<'a> MotionProblem<'a> {
             }
             Row::Rigidity { slot, .. } => format!("rigidity index at configuration {slot}"),
             Row::Periodic { node, .. } => format!("periodicity at node {node}"),
+            Row::Mirror { node, .. } => format!("mirror symmetry at node {node}"),
         }
     }
 }

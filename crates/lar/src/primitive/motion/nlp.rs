@@ -38,7 +38,7 @@ impl Nlp for MotionProblem<'_> {
                 Row::Move { .. } => *upper = 0.0,
                 Row::TipChange { limit, .. } => (*lower, *upper) = (-limit, *limit),
                 Row::Rigidity { .. } => *lower = 0.0,
-                Row::Periodic { .. } => (*lower, *upper) = (0.0, 0.0),
+                Row::Periodic { .. } | Row::Mirror { .. } => (*lower, *upper) = (0.0, 0.0),
             }
         }
     }
@@ -77,6 +77,12 @@ impl Nlp for MotionProblem<'_> {
                 Row::Periodic { node, role, .. } => {
                     push(index, self.slots.len() - 1, *node);
                     push(index, 0, *role);
+                }
+                Row::Mirror { node, partner, .. } => {
+                    push(index, 0, *node);
+                    if partner != node {
+                        push(index, 0, *partner);
+                    }
                 }
             }
         }
@@ -224,7 +230,10 @@ impl Nlp for MotionProblem<'_> {
                     self.add_function(values, *slot, function, -multiplier);
                     self.add_function(values, slot + 1, function, multiplier);
                 }
-                Row::Balance { .. } | Row::Rigidity { .. } | Row::Periodic { .. } => {}
+                Row::Balance { .. }
+                | Row::Rigidity { .. }
+                | Row::Periodic { .. }
+                | Row::Mirror { .. } => {}
             }
         }
     }
