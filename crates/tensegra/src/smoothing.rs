@@ -1,11 +1,13 @@
 //! Smoothing a path of a problem, and the best of several plans smoothed.
 
+use std::f64::consts::TAU;
+
 use cpu_time::ThreadTime;
 use tensegra_atlas::{ManifoldError, project};
 use tensegra_check::{CheckOptions, Report, check_path};
 use tensegra_model::{
-    BodyError, DirectionsManifold, EquilibriumError, EquilibriumManifold, FreeSpace, NodesManifold,
-    Path, Problem, Stability, control_effort, path_length,
+    BodyError, Configuration, DirectionsManifold, EquilibriumError, EquilibriumManifold, FreeSpace,
+    NodesManifold, Path, Problem, Stability, Stable, Structure, control_effort, path_length,
 };
 use tensegra_sampling::{
     Observer, ShortcutOptions, Shortcutter, SmoothError, SmoothObserver, Smoother, SmootherOptions,
@@ -19,6 +21,12 @@ const MAX_ITERATIONS: usize = 30;
 /// The seeds of several plans differ by multiples of this, so that those of
 /// neighbouring seeds differ too.
 const SEED_STRIDE: u64 = 0x9E37_79B9_7F4A_7C15;
+/// The seeds of plans that replace one another differ by multiples of this.
+const RETRY_STRIDE: u64 = 0xD1B5_4A32_D192_ED03;
+/// Plans that are tried in place of one whose elements turn the long way round.
+const RETRIES: usize = 8;
+/// Sums of turns that differ by less are the same, rad.
+const SAME_TURN: f64 = 1e-3;
 /// Attempts to smooth with ever wider margins.
 const ATTEMPTS: usize = 4;
 /// Factor from one attempt's margins to the next one's.
@@ -75,6 +83,10 @@ pub struct Smoothing {
     pub shortcut_seconds: f64,
     /// CPU seconds of shortcuts, smoothing, and the judge's verdicts in between.
     pub seconds: f64,
+    /// The smallest eigenvalue of the tangent stiffness along the path, force per
+    /// length, with the index of the configuration that has it; `None` where no
+    /// motion is admissible.
+    pub least_stiffness: Option<(usize, f64)>,
     /// Why the path is that of the shortcuts, where it is.
     pub setback: Option<String>,
 }
@@ -106,27 +118,21 @@ pub enum SmoothingError {
         /// What the projection says.
         error: ManifoldError,
     },
-    /// The problem demands stability.
-    #[error(
-        "the problem demands stable equilibria, which smoothing does not keep: smooth without the \
-         demand, or take the path as planned"
-    )]
-    Stability,
     /// The path cannot be moved.
     #[error(transparent)]
     Smoother(#[from] SmoothError),
 }
 
 /// Shortens and smooths a path of a problem: the path of least control effort
-/// among its neighbours that keep all ranges and touch nothing, with steps that
-/// the independent judge accepts.
+/// among its neighbours that keep all ranges, touch nothing and stay as stable as the
+/// problem demands, with steps that the independent judge accepts.
 ///
 /// The path should be one that the judge accepts. Where smoothing does not end
 /// with such a path, the one after the shortcuts is returned, or the one given.
 ///
 /// # Errors
 /// [`SmoothingError`]: the path does not fit the problem or is not in
-/// equilibrium, the problem demands stability, or the observer cancelled.
+/// equilibrium, or the observer cancelled.
 pub fn smooth(
     problem: &Problem,
     path: &Path,
@@ -134,9 +140,6 @@ pub fn smooth(
     observer: &mut dyn SmoothObserver,
 ) -> Result<Smoothing, SmoothingError> {
     let clock = ThreadTime::now();
-    if problem.settings.least_stiffness.is_some() {
-        return Err(SmoothingError::Stability);
-    }
     let structure = &problem.structure;
     let first = path.configurations.first().ok_or(SmoothingError::Empty)?;
     for (index, configuration) in path.configurations.iter().enumerate() {
@@ -167,6 +170,14 @@ pub fn smooth(
     for end in [points.first(), points.last()].into_iter().flatten() {
         free.admit(end);
     }
+    let settings = &problem.settings;
+    let free = Stable::new(
+        &manifold,
+        settings.actuation,
+        settings.least_stiffness,
+        free,
+    )
+    .scaled_at(&points[0]);
     let as_path = |points: &[Vec<f64>]| Path {
         configurations: points.iter().map(|x| manifold.configuration(x)).collect(),
     };
@@ -226,6 +237,7 @@ pub fn smooth(
         control_effort: control_effort(structure, &path_after).ok(),
         path_length_before: path_length(structure, path)?,
         control_effort_before: control_effort(structure, path).ok(),
+        least_stiffness: Stability::new(structure, settings.actuation).least_along(&path_after),
         path: path_after,
         report,
         shortcut_length,
@@ -256,8 +268,76 @@ pub struct SmoothedPlan {
     pub smoothing_seconds: f64,
 }
 
+/// Plans, again where elements of the path turn the long way round. Returns the
+/// plan whose elements turn least, and the CPU seconds of all.
+fn plan_unwound(
+    problem: &Problem,
+    observer: &mut dyn Observer,
+) -> Result<(Plan, f64), PlanningError> {
+    let mut best = plan(problem, observer)?;
+    let mut seconds = best.planning_seconds;
+    let structure = &problem.structure;
+    let mut least = net_turns(structure, &best.path);
+    let mut seeded = problem.clone();
+    for _ in 0..RETRIES {
+        if least.total <= least.direct + SAME_TURN {
+            break;
+        }
+        seeded.seed = seeded.seed.wrapping_add(RETRY_STRIDE);
+        let Ok(other) = plan(&seeded, observer) else {
+            continue;
+        };
+        seconds += other.planning_seconds;
+        let turns = net_turns(structure, &other.path);
+        if turns.total < least.total - SAME_TURN {
+            (best, least) = (other, turns);
+        }
+    }
+    Ok((best, seconds))
+}
+
+/// How far the elements of a path turn from start to goal, rad.
+struct NetTurns {
+    /// Root of the sum of squares along the path. No path of its class is shorter.
+    total: f64,
+    /// The same if all took the shorter way round.
+    direct: f64,
+}
+
+/// The net turns of a planar structure's elements: they differ between two paths by
+/// whole turns, and no deformation of a path changes them, as an element that turns
+/// back would have to pass the length zero. In space turns have no number: all zero.
+fn net_turns(structure: &Structure, path: &Path) -> NetTurns {
+    let (mut total, mut direct) = (0.0, 0.0);
+    if structure.dimension == 2 {
+        for element in &structure.elements {
+            let [a, b] = element.nodes;
+            let angle = |configuration: &Configuration| {
+                let d = configuration.positions[b] - configuration.positions[a];
+                d.y.atan2(d.x)
+            };
+            let angles: Vec<f64> = path.configurations.iter().map(angle).collect();
+            let turned = |from: f64, to: f64| {
+                let turn = to - from;
+                turn - TAU * (turn / TAU).round()
+            };
+            let along: f64 = angles.windows(2).map(|pair| turned(pair[0], pair[1])).sum();
+            total += along * along;
+            if let (Some(first), Some(last)) = (angles.first(), angles.last()) {
+                direct += turned(*first, *last).powi(2);
+            }
+        }
+    }
+    NetTurns {
+        total: total.sqrt(),
+        direct: direct.sqrt(),
+    }
+}
+
 /// Plans `plans` times with different seeds, smooths every path, and returns the
-/// one of least control effort. Paths of different classes, which cannot be
+/// one of least control effort. Each time it plans anew, at most eight times,
+/// while an element of the path turns the long way round, and goes on with the path
+/// whose elements turn least. Paths of different classes, which cannot be
 /// deformed into each other without touching anything, have efforts that differ
 /// much: one plan alone may be of a poor class.
 ///
@@ -280,12 +360,11 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
         seeded.seed = problem.seed.wrapping_add(index.wrapping_mul(SEED_STRIDE));
         let mut options = options.clone();
         options.shortcut.seed = seeded.seed;
-        let outcome = plan(&seeded, observer).and_then(|mut plan| {
-            planning_seconds += plan.planning_seconds;
+        let outcome = plan_unwound(&seeded, observer).and_then(|(mut plan, seconds)| {
+            planning_seconds += seconds;
             let smoothing = smooth(&seeded, &plan.path, &options, observer)?;
             smoothing_seconds += smoothing.seconds;
-            let stability = Stability::new(&problem.structure, problem.settings.actuation);
-            plan.least_stiffness = stability.least_along(&smoothing.path);
+            plan.least_stiffness = smoothing.least_stiffness;
             Ok((plan, smoothing))
         });
         match outcome {

@@ -71,11 +71,11 @@ pub struct Arguments {
     #[command(flatten)]
     stability: StabilityArguments,
     /// Smooth the path: shortcuts, then the path of least control effort near it.
-    #[arg(long, conflicts_with = "stable")]
+    #[arg(long)]
     smooth: bool,
     /// Plan K times with seeds that follow from the first, smooth every path, and
     /// keep the one of least control effort.
-    #[arg(long, value_name = "K", conflicts_with = "stable", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     plans: Option<u32>,
     /// Axes of the picture of the path: three of length:ELEMENT,
     /// rest:ELEMENT, force:ELEMENT, x:NODE, y:NODE, z:NODE [default: the lengths

@@ -13,9 +13,10 @@ use tensegra::{
 };
 
 use super::{
-    PNG_SCALE,
+    PNG_SCALE, StabilityArguments,
     axes::{parse_axes, three_lengths},
-    json_failure, print_json, print_written, read_problem, require_writable,
+    json_failure, print_json, print_written, read_problem, require_writable, stiffness_json,
+    stiffness_text,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -42,6 +43,8 @@ pub struct Arguments {
     /// Seed of the shortcuts [default: the path's].
     #[arg(long)]
     seed: Option<u64>,
+    #[command(flatten)]
+    stability: StabilityArguments,
     /// Axes of the picture of the path before and after: three of
     /// length:ELEMENT, rest:ELEMENT, force:ELEMENT, x:NODE, y:NODE, z:NODE
     /// [default: the lengths of the first three cables].
@@ -72,6 +75,10 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
         print_json(&value);
     } else {
         print(&smoothing);
+        println!(
+            "least stiffness    {}",
+            stiffness_text(smoothing.least_stiffness)
+        );
         if smoothing.report.ok {
             println!("check              accepted by the independent judge");
         } else {
@@ -95,6 +102,14 @@ fn smooth(arguments: &Arguments) -> Result<(Smoothing, Vec<PathBuf>), Failure> {
     contents
         .check_structure(file, &problem)
         .map_err(Failure::message)?;
+    // What the path was planned to keep.
+    if let Some(margin) = contents.parameters["least_stiffness"].as_f64() {
+        problem.settings.least_stiffness = Some(margin);
+    }
+    if contents.parameters["actuation"] == "force" {
+        problem.settings.actuation = model::Actuation::Force;
+    }
+    arguments.stability.apply(&mut problem);
     problem.seed = arguments.seed.unwrap_or(contents.seed);
     let axes = match &arguments.axes {
         Some(text) => Some(parse_axes(text, &problem.structure)?),
@@ -197,6 +212,7 @@ pub fn add_json(object: &mut Value, smoothing: &Smoothing) {
         ("smoothing_iterations", json!(smoothing.iterations)),
         ("optimality", json!(smoothing.optimality)),
         ("converged", json!(smoothing.converged)),
+        ("least_stiffness", stiffness_json(smoothing.least_stiffness)),
         ("setback", json!(smoothing.setback)),
     ] {
         object[key] = value;

@@ -226,6 +226,16 @@ impl BlockTridiagonalQp {
         &mut self.coupling[block * square..(block + 1) * square]
     }
 
+    /// Adds `factor` times a block-diagonal matrix to the Hessian: n blocks of k × k, row-major,
+    /// symmetric.
+    ///
+    /// # Panics
+    /// If there are not as many values as in the diagonal blocks of the Hessian.
+    pub fn add_to_diagonal(&mut self, factor: f64, blocks: &[f64]) {
+        assert_eq!(blocks.len(), self.diagonal.len());
+        axpy(factor, blocks, &mut self.diagonal);
+    }
+
     /// The gradient gᵢ at the origin.
     ///
     /// # Panics
@@ -521,6 +531,13 @@ impl BlockTridiagonalQpSolver {
     #[must_use]
     pub fn bound_multipliers(&self) -> &[f64] {
         &self.bound_multiplier
+    }
+
+    /// Whether the Hessian of `qp` is positive definite. Cost: one factorisation.
+    pub fn is_convex(&mut self, qp: &BlockTridiagonalQp) -> bool {
+        self.factor
+            .load(qp.blocks, qp.size, &qp.diagonal, &qp.coupling);
+        self.factor.factorise().is_ok()
     }
 
     /// Solves `qp`.

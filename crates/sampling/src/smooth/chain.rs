@@ -14,6 +14,8 @@ pub(super) const TOLERANCE: f64 = 1e-12;
 const AIM: f64 = 0.96;
 /// Fractions of a segment that are constrained, at most.
 const MOST_FRACTIONS: usize = 15;
+/// Parameter steps are at least this fraction of their mean.
+const LEAST_WIDTH: f64 = 0.25;
 /// Fewest segments of a path.
 const FEWEST_SEGMENTS: usize = 8;
 
@@ -123,6 +125,26 @@ impl Chain {
             .sum()
     }
 
+    /// Gives each segment a parameter step in proportion to its length, as far as
+    /// that is not too short: the energy becomes the least for the points where
+    /// they are, ½ length².
+    pub(super) fn respace(&mut self) {
+        let lengths = self
+            .points
+            .windows(2)
+            .map(|pair| squared_distance(&pair[0], &pair[1]).sqrt());
+        for (width, length) in self.widths.iter_mut().zip(lengths) {
+            *width = length;
+        }
+        let mean = self.widths.iter().sum::<f64>() / self.widths.len() as f64;
+        let least = (LEAST_WIDTH * mean).max(f64::MIN_POSITIVE);
+        self.widths
+            .iter_mut()
+            .for_each(|width| *width = width.max(least));
+        let sum: f64 = self.widths.iter().sum();
+        self.widths.iter_mut().for_each(|width| *width /= sum);
+    }
+
     /// The chart that serves a segment.
     pub(super) fn chart_of_segment(&self, segment: usize) -> &Chart {
         &self.charts[segment.saturating_sub(1)]
@@ -163,6 +185,7 @@ impl Chain {
             self.fractions[segment] = fractions;
             self.fractions.insert(segment + 1, fractions);
         }
+        self.respace();
         count
     }
 
@@ -254,6 +277,7 @@ impl Chain {
         self.charts = charts;
         self.widths = widths;
         self.fractions = fractions;
+        self.respace();
     }
 
     /// Constrains more fractions of some segments and of their neighbours;

@@ -30,6 +30,7 @@
 //! iterations of O(k³) a point and O(k²) a row.
 
 mod chain;
+mod curvature;
 mod relax;
 mod rows;
 
@@ -312,7 +313,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
             length: chain.length(),
             points: chain.into_points(),
             optimality: relaxed.optimality,
-            converged: relaxed.optimality <= options.optimality,
+            converged: relaxed.converged,
             iterations: relaxation.iterations(),
             seconds: clock.elapsed().as_secs_f64(),
         })

@@ -7,6 +7,7 @@ use tensegra_optim::{BlockTridiagonalQp, BlockTridiagonalQpSolver};
 use super::{
     SmootherOptions,
     chain::{Chain, TOLERANCE},
+    curvature::{Curvature, negative_part},
     rows::{Finder, Rows},
 };
 use crate::walk::interpolate;
@@ -21,9 +22,9 @@ const LEAST_GAIN: f64 = 0.05;
 const SMALLEST_RADIUS: f64 = 1e-6;
 /// Contacts within this multiple of the trust radius are found.
 const REACH: f64 = 2.0;
-/// Where this is all that a step promises, of the energy, and the gradient is
-/// near its goal, another step is in vain.
-const LEAST_PROMISE: f64 = 1e-7;
+/// Shares of the negative curvature that are tried, the largest that leaves the
+/// model convex is taken.
+const NEGATIVE_SHARES: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// How often a step is tried again with rows found where it ended.
 const CUTTING_ROUNDS: usize = 4;
 
@@ -42,6 +43,8 @@ pub(super) struct Relaxed {
     pub(super) optimality: f64,
     /// Largest violation of an inequality, margins left aside.
     pub(super) violation: f64,
+    /// Whether the gradient, or what another step promises, is small enough.
+    pub(super) converged: bool,
 }
 
 /// The iterations, with their memory.
@@ -58,6 +61,18 @@ pub(super) struct Relaxation<'a, M: ?Sized, V: Validity> {
     trial_rows: Rows,
     /// Rows that steps from the same points have met.
     cuts: Vec<Cut>,
+    /// Which of the rows are in the programme.
+    included: Vec<usize>,
+    /// Gradient of the energy at each inner point, m values each.
+    pulls: Vec<f64>,
+    /// Forces of active inequalities on each inner point, m values each; empty
+    /// while they are not known.
+    pushes: Vec<f64>,
+    curvature: Curvature,
+    /// Second derivatives of the Lagrangian at each inner point, k × k each, and
+    /// their negative parts.
+    curvatures: Vec<f64>,
+    negative: Vec<f64>,
     trial: Vec<Vec<f64>>,
     residual: Vec<f64>,
     work: Workspace,
@@ -89,6 +104,12 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             rows: Rows::default(),
             trial_rows: Rows::default(),
             cuts: Vec::new(),
+            included: Vec::new(),
+            pulls: Vec::new(),
+            pushes: Vec::new(),
+            curvature: Curvature::default(),
+            curvatures: Vec::new(),
+            negative: Vec::new(),
             trial: Vec::new(),
             residual: Vec::new(),
             work: Workspace::default(),
@@ -134,11 +155,13 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             length: chain.length(),
             optimality: f64::INFINITY,
             violation: self.rows.violation(),
+            converged: false,
         };
         self.trial.clone_from(&chain.points);
         let mut stalled = 0;
         let mut refused = 0;
         self.cuts.clear();
+        self.pushes.clear();
         for _ in 0..max_iterations {
             if chain.center(self.manifold).is_err() {
                 break;
@@ -150,6 +173,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
                     .find(chain, &chain.points, found, &mut self.rows);
             }
             self.assemble(chain, radius);
+            self.add_curvature(chain);
             let shortfall = self.rows.shortfall();
             if self.solver.solve(&self.qp).is_err() {
                 break;
@@ -166,25 +190,30 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
                     return Some(relaxed);
                 }
             }
+            self.find_pushes(chain);
             relaxed.optimality = self.optimality(chain) / relaxed.length;
             relaxed.violation = self.rows.violation();
             if !report(&relaxed, self.iterations) {
                 return None;
             }
             let moved = self.largest_move();
-            let within = shortfall <= 0.3 * self.finder.contact_margin();
-            if relaxed.optimality <= goal && relaxed.violation == 0.0 && within {
+            if relaxed.optimality <= goal && relaxed.violation == 0.0 {
+                relaxed.converged = true;
                 break;
             }
             let energy = chain.energy(&chain.points);
-            let before = energy + self.price * shortfall;
-            let origin = self.price * shortfall;
-            let promised = origin - self.qp.objective(self.solver.solution());
-            let vain = promised < LEAST_PROMISE * energy && relaxed.optimality < 10.0 * goal;
-            if !(promised > 1e-12 * before) || (vain && relaxed.violation == 0.0 && within) {
+            let penalty = self.rows.penalty();
+            let before = energy + self.price * penalty;
+            let left = self.left_violated();
+            let by_energy = self.price * left - self.qp.objective(self.solver.solution());
+            let promised = by_energy + self.price * (penalty - left).max(0.0);
+            let at_edge = moved > 0.99 * radius;
+            // The promise is of the second order in the reduced gradient.
+            let vain = promised < goal * goal * energy && relaxed.violation == 0.0;
+            relaxed.converged = vain && !at_edge;
+            if vain || !(promised > 1e-12 * before) {
                 break;
             }
-            let at_edge = moved > 0.99 * radius;
             let next_radius = if at_edge {
                 (2.0 * radius).min(self.largest_radius)
             } else {
@@ -196,7 +225,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
                 self.finder
                     .find(chain, &self.trial, reach, &mut self.trial_rows);
                 let energy = chain.energy(&self.trial);
-                let after = energy + self.price * self.trial_rows.shortfall();
+                let after = energy + self.price * self.trial_rows.penalty();
                 (before - after) / promised
             } else {
                 f64::NEG_INFINITY
@@ -241,8 +270,13 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
         qp.reset(chain.charts.len(), k);
         qp.set_box(-radius, radius);
         let m = chain.points[0].len();
-        let mut force = vec![0.0; m];
-        for (block, chart) in chain.charts.iter().enumerate() {
+        self.pulls.resize(m * chain.charts.len(), 0.0);
+        for (block, (chart, force)) in chain
+            .charts
+            .iter()
+            .zip(self.pulls.chunks_exact_mut(m))
+            .enumerate()
+        {
             let [before, here, after] =
                 [block, block + 1, block + 2].map(|i| chain.points[i].as_slice());
             let [left, right] = [1.0 / chain.widths[block], 1.0 / chain.widths[block + 1]];
@@ -255,7 +289,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             }
             let gradient = qp.gradient_mut(block);
             for (j, g) in gradient.iter_mut().enumerate() {
-                *g = dot(chart.tangent(j), &force);
+                *g = dot(chart.tangent(j), force);
             }
             if let Some(next) = chain.charts.get(block + 1) {
                 let coupling = qp.coupling_mut(block);
@@ -267,11 +301,72 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             }
         }
         let price = self.price;
-        self.rows.for_each_tangent(chain, radius, |row| {
+        self.included.clear();
+        self.rows.for_each_tangent(chain, radius, |index, row| {
+            self.included.push(index);
             qp.push_row(row.block, row.coefficients, -row.above, price);
         });
         for cut in &self.cuts {
             qp.push_row(cut.block, &cut.coefficients, -cut.above, price);
+        }
+    }
+
+    /// Adds second derivatives to the programme, as much of the negative ones as
+    /// leaves it convex.
+    fn add_curvature(&mut self, chain: &Chain) {
+        let (m, k) = (chain.points[0].len(), chain.dimension);
+        if self.pushes.len() != self.pulls.len() || k == 0 {
+            return;
+        }
+        let square = k * k;
+        self.curvatures.resize(square * chain.charts.len(), 0.0);
+        for ((chart, matrix), (pull, push)) in chain
+            .charts
+            .iter()
+            .zip(self.curvatures.chunks_exact_mut(square))
+            .zip(
+                self.pulls
+                    .chunks_exact_mut(m)
+                    .zip(self.pushes.chunks_exact(m)),
+            )
+        {
+            for (w, push) in pull.iter_mut().zip(push) {
+                *w -= push;
+            }
+            self.curvature.at(self.manifold, chart, pull, matrix);
+        }
+        let mut share = 0.0;
+        self.qp.add_to_diagonal(1.0, &self.curvatures);
+        for (i, wanted) in NEGATIVE_SHARES.into_iter().enumerate() {
+            if i == 0 {
+                share = wanted;
+            } else {
+                if i == 1 {
+                    self.negative.resize(self.curvatures.len(), 0.0);
+                    for (matrix, negative) in self
+                        .curvatures
+                        .chunks_exact(square)
+                        .zip(self.negative.chunks_exact_mut(square))
+                    {
+                        negative_part(matrix, k, negative);
+                    }
+                }
+                self.qp.add_to_diagonal(wanted - share, &self.negative);
+                share = wanted;
+            }
+            if self.solver.is_convex(&self.qp) {
+                break;
+            }
+        }
+    }
+
+    /// The forces of active inequalities on each point.
+    fn find_pushes(&mut self, chain: &Chain) {
+        let m = chain.points[0].len();
+        self.pushes.clear();
+        self.pushes.resize(m * chain.charts.len(), 0.0);
+        for (&row, &multiplier) in self.included.iter().zip(self.solver.row_multipliers()) {
+            self.rows.add_gradient(row, multiplier, &mut self.pushes, m);
         }
     }
 
@@ -335,6 +430,6 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

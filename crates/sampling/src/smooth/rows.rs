@@ -7,7 +7,11 @@ use super::chain::Chain;
 use crate::walk::interpolate;
 
 /// Residual of points between those of the path.
-const TOLERANCE: f64 = 1e-9;
+const TOLERANCE: f64 = 1e-7;
+/// What a value falls short of its margin counts little up to this part of it.
+const SOFT: f64 = 0.8;
+/// Steps rarely are longer than this multiple of the trust radius.
+const LONG: f64 = 2.0;
 
 /// value ≥ margin, at a fraction of a segment.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +57,23 @@ impl Rows {
             .sum()
     }
 
+    /// Σ of what the values fall short of their margins, counted little as long as
+    /// it is a small part of the margin: rows that bend would else stop all but the
+    /// shortest steps along them (the Maratos effect).
+    pub(super) fn penalty(&self) -> f64 {
+        self.heads
+            .iter()
+            .map(|head| {
+                let (short, soft) = ((head.margin - head.value).max(0.0), SOFT * head.margin);
+                if short < soft {
+                    0.5 * short * short / soft
+                } else {
+                    short - 0.5 * soft
+                }
+            })
+            .sum()
+    }
+
     /// Largest violation, margins left aside.
     pub(super) fn violation(&self) -> f64 {
         self.heads
@@ -60,35 +81,59 @@ impl Rows {
             .fold(0.0, |most: f64, head| most.max(-head.value))
     }
 
-    /// Calls `each` with every row that the box |t| ≤ `radius` can violate.
+    /// Calls `each` with every row that a step in the box |t| ≤ `radius`, and not
+    /// much longer than that, can violate.
     pub(super) fn for_each_tangent(
         &self,
         chain: &Chain,
         radius: f64,
-        mut each: impl FnMut(TangentRow<'_>),
+        mut each: impl FnMut(usize, TangentRow<'_>),
     ) {
-        self.for_each(chain, |row| {
-            let reach: f64 = row.coefficients.iter().map(|a| a.abs()).sum();
-            if row.above <= radius * reach {
-                each(row);
+        self.for_each(chain, |index, row| {
+            let most: f64 = row.coefficients.iter().map(|a| a.abs()).sum();
+            let long = LONG * row.coefficients.iter().map(|a| a * a).sum::<f64>().sqrt();
+            if row.above <= radius * most.min(long) {
+                each(index, row);
             }
         });
     }
 
     /// Calls `each` with every row that falls short of its margin.
     pub(super) fn for_each_short(&self, chain: &Chain, mut each: impl FnMut(TangentRow<'_>)) {
-        self.for_each(chain, |row| {
+        self.for_each(chain, |_, row| {
             if row.above < 0.0 {
                 each(row);
             }
         });
     }
 
-    fn for_each(&self, chain: &Chain, mut each: impl FnMut(TangentRow<'_>)) {
+    /// Adds a multiple of a row's gradient to the values of the inner points that
+    /// it touches, m for each.
+    pub(super) fn add_gradient(&self, row: usize, factor: f64, forces: &mut [f64], m: usize) {
+        let head = self.heads[row];
+        let end = self
+            .heads
+            .get(row + 1)
+            .map_or(self.gradients.len(), |h| h.start);
+        let inner = forces.len() / m;
+        for (point, share) in [
+            (head.segment, 1.0 - head.fraction),
+            (head.segment + 1, head.fraction),
+        ] {
+            if share > 0.0 && (1..=inner).contains(&point) {
+                for &(variable, g) in &self.gradients[head.start..end] {
+                    forces[(point - 1) * m + variable] += factor * share * g;
+                }
+            }
+        }
+    }
+
+    fn for_each(&self, chain: &Chain, mut each: impl FnMut(usize, TangentRow<'_>)) {
         let k = chain.dimension;
         let mut coefficients = vec![0.0; 2 * k];
         let ends = self.heads.iter().skip(1).map(|head| head.start);
-        for (head, end) in self.heads.iter().zip(ends.chain([self.gradients.len()])) {
+        let ends = ends.chain([self.gradients.len()]);
+        for (index, (head, end)) in self.heads.iter().zip(ends).enumerate() {
             let gradient = &self.gradients[head.start..end];
             coefficients.fill(0.0);
             let (first, second) = coefficients.split_at_mut(k);
@@ -114,11 +159,12 @@ impl Rows {
                 (None, Some(_)) => (head.segment, k..2 * k),
                 (None, None) => continue,
             };
-            each(TangentRow {
+            let row = TangentRow {
                 block,
                 coefficients: &coefficients[range],
                 above: head.value - head.margin,
-            });
+            };
+            each(index, row);
         }
     }
 }
@@ -173,10 +219,6 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Finder<'a, M, V> {
             }
         }
         finder
-    }
-
-    pub(super) fn contact_margin(&self) -> f64 {
-        self.contact_margin
     }
 
     pub(super) fn widen_margin(&mut self) {
