@@ -155,7 +155,10 @@ impl<'a> Statics<'a> {
                 configuration.rest_lengths[index],
                 configuration.forces[index],
             ) {
-                let error = (force - stiffness * (length - rest)).abs() / force_scale;
+                let pull = stiffness * (length - rest);
+                // What can only pull hangs slack where it is shorter than its rest length.
+                let slack = element.pulls_only() && length < rest;
+                let error = (force - if slack { 0.0 } else { pull }).abs() / force_scale;
                 ledger.judge(Check::HookesLaw, error, equation, location, subject);
             }
         }

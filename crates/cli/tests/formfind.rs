@@ -178,3 +178,44 @@ node_radius = 0.01
         "{message}"
     );
 }
+
+/// A mast of one elastic bar, stayed by three cables in the plane x = 0 … 1; its start stands upright.
+const MAST: &str = r#"
+name = "mast"
+[structure]
+planar = true
+pretension = 0
+fixed = { foot = [0, 0], e = [1, 0], w = [-1, 0] }
+supports = ["foot", "e", "w"]
+loads = { top = [2, -3] }
+[structure.types]
+stay = { kind = "cable", length = [0.1, 3], stiffness = 200, rest = [0.5, 3] }
+[structure.elements]
+mast = { kind = "bar", nodes = ["foot", "top"], length = [0.1, 3], stiffness = 5000, rest = 1.2, force = [-500, 500] }
+ce = { type = "stay", nodes = ["e", "top"] }
+cw = { type = "stay", nodes = ["w", "top"] }
+[start]
+nodes = { foot = [0, 0], e = [1, 0], w = [-1, 0], top = [0, 1.2] }
+rest_lengths = { ce = 1.7, cw = 1.5 }
+"#;
+
+#[test]
+fn rest_lengths_give_positions_and_slack_cables_are_named() {
+    let run = Run::of(MAST, &["--direct", "--json"]);
+    let value = run.json();
+    assert_eq!(run.status(), Some(0), "{value}");
+    assert_eq!(value["slack"], serde_json::json!(["ce"]));
+    assert_eq!(value["forces"]["ce"], 0.0);
+    assert_eq!(value["check"]["ok"], true, "{value}");
+    assert!(value["residual"].as_f64().unwrap() < 1e-9);
+    // A rest length that is none is bad input, as is an element that does not exist.
+    for (given, message) in [
+        ("ce=-1", "the rest length of `ce` is -1"),
+        ("zz=1", "there is no element `zz`"),
+    ] {
+        let run = Run::of(MAST, &["--direct", "--rest", given]);
+        assert_eq!(run.status(), Some(2));
+        let text = String::from_utf8_lossy(&run.output.stderr);
+        assert!(text.contains(message), "{text}");
+    }
+}

@@ -22,7 +22,9 @@ mod force_density;
 mod frame;
 mod inverse;
 mod loss;
+mod outline;
 mod program;
+mod search;
 mod start;
 
 pub use alignment::alignment;

@@ -18,7 +18,7 @@ use crate::{Error, root};
 const SUITE: &str = "formfinding";
 
 const INTRODUCTION: &str = "\
-`prism`: random starts of the prism of Hernández Juan and Mirats Tur (2008) with self-collision, \
+`starts`: random starts of the prism of Hernández Juan and Mirats Tur (2008) with self-collision, \
 fifty for each seed. A single start is a success when it converges to residual 1e-9, the \
 equilibrium is stable and free of collisions, and the judge accepts it; with restarts, when one of \
 five in a row is. Time is CPU time of one start, on one thread, successful or not. Reference: \

@@ -7,7 +7,8 @@ use serde_json::{Map, Value, json};
 use tensegra::{
     check::{CheckOptions, Report, check_configuration},
     formfinding::{
-        DirectForm, DirectOptions, DirectSolver, InverseForm, InverseOptions, rest_lengths,
+        DirectError, DirectForm, DirectOptions, DirectSolver, InverseError, InverseForm,
+        InverseOptions, rest_lengths,
     },
     io::{PathFile, write_path_file},
     model::{self, Configuration, Problem, Structure},
@@ -86,7 +87,7 @@ pub fn run(
         DirectSolver::with_options(&problem.structure, options)
             .solve(&start.positions, &rest)
             .map(|form| direct(&problem.structure, form))
-            .map_err(|error| error.to_string())
+            .map_err(|error| (is_bad_input(&error), error.to_string()))
     } else {
         let mut options = InverseOptions::default();
         options.tolerance = arguments.tolerance;
@@ -94,11 +95,12 @@ pub fn run(
         options.wanted_rest_lengths = start.rest_lengths.clone();
         rest_lengths(&problem.structure, &start.positions, &options)
             .map(|form| inverse(problem, form))
-            .map_err(|error| error.to_string())
+            .map_err(|error| (matches!(error, InverseError::Statics(_)), error.to_string()))
     };
     let found = match found {
         Ok(found) => found,
-        Err(reason) => {
+        Err((true, reason)) => return Err(Failure::Message(reason)),
+        Err((false, reason)) => {
             if json {
                 print_json(&json!({ "found": false, "error": reason }));
             } else {
@@ -133,7 +135,19 @@ pub fn run(
         println!("check              {}", verdict(&report));
         println!("written            {}", file.display());
     }
-    Ok(found.sound)
+    Ok(found.sound && report.ok)
+}
+
+/// Whether there is nothing to be found because of what was given.
+fn is_bad_input(error: &DirectError) -> bool {
+    matches!(
+        error,
+        DirectError::WrongCount { .. }
+            | DirectError::BadStart { .. }
+            | DirectError::MissingRest { .. }
+            | DirectError::BadRest { .. }
+            | DirectError::NoLength { .. }
+    )
 }
 
 fn set_rest_length(
