@@ -11,11 +11,13 @@ use std::{fmt, ops::Deref};
 ///
 /// let errors = StructureBuilder::planar()
 ///     .strut("s1", ["a", "b"], 1.0)
-///     .cable("s1", ["a", "b"], 0.0..=3.0, -1.0, 0.0..=2.0)
+///     .cable("c1", ["a", "b"], 0.0..=3.0, 1.0, 0.0..=2.0)
+///     .fix_coordinate("a", 0, f64::NAN)
+///     .pretension(0.0)
 ///     .build()
 ///     .unwrap_err();
 /// assert_eq!(errors.len(), 2);
-/// assert!(errors.to_string().contains("the name `s1` is taken"));
+/// assert!(errors.to_string().contains("which is no finite number"));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildErrors<E>(Vec<E>);

@@ -17,7 +17,8 @@ const MAX_ITERATIONS: usize = 50;
 pub enum EndpointError {
     /// The problem does not state it.
     #[error(
-        "the problem states no {which}: add it, as node coordinates or as a row of a .links file"
+        "the problem states no {which}: add it, as node coordinates or as a row of a .links file, or \
+         have it found: {which} = {{ formfind = {{}} }}"
     )]
     Missing {
         /// "start" or "goal".
