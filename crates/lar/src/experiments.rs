@@ -343,20 +343,6 @@ impl PublishedGait {
     }
 }
 
-/// Slope of the least-squares line through (ln x, ln y): the exponent of a power law.
-#[must_use]
-pub fn power_law_exponent(points: &[(f64, f64)]) -> f64 {
-    let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
-    let count = logs.len() as f64;
-    let (mx, my) = logs
-        .iter()
-        .fold((0.0, 0.0), |(a, b), (x, y)| (a + x / count, b + y / count));
-    let (covariance, variance) = logs.iter().fold((0.0, 0.0), |(c, v), (x, y)| {
-        (c + (x - mx) * (y - my), v + (x - mx) * (x - mx))
-    });
-    covariance / variance
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -391,11 +377,5 @@ mod tests {
                 gait.name
             );
         }
-    }
-
-    #[test]
-    fn exponents_of_power_laws_are_found() {
-        let points = [1.0, 2.0, 5.0].map(|x: f64| (x, 3.0 * x.powf(1.7)));
-        assert!((power_law_exponent(&points) - 1.7).abs() < 1e-12);
     }
 }
