@@ -57,6 +57,7 @@ mod kinematics;
 mod known;
 mod limits;
 mod obstacle;
+mod place;
 mod plan;
 mod primitive;
 mod problem;
@@ -85,6 +86,7 @@ pub use kinematics::{DifferentialKinematics, GroundContact, KinematicsError};
 pub use known::{RobotAtStart, unit_k5, unit_octahedron};
 pub use limits::{Limits, LimitsError};
 pub use obstacle::{Obstacle, ObstacleError};
+pub use place::PlaceError;
 pub use plan::{
     PlanWalkError, PlannedWalk, plan_two_tier, plan_walk, plan_walk_timed, primitive_library,
 };

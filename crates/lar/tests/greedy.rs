@@ -7,9 +7,9 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use tensegra_lar::{
     Dimension, GreedyError, GreedyObjective, GreedyOptions, GreedyPlanner, GreedyStop, GreedyWalk,
-    Limits, Persistence, RobotAtStart, Visit, Walk, WalkCheck, WalkCheckOptions, WalkContext,
-    WalkFacts, WalkProblem, WalkStatistics, check_walk, plan_walk, random_robot, unit_k5,
-    unit_octahedron,
+    Limits, Persistence, PlaceError, RobotAtStart, Visit, Walk, WalkCheck, WalkCheckOptions,
+    WalkContext, WalkFacts, WalkProblem, WalkStatistics, check_walk, plan_walk, random_robot,
+    unit_k5, unit_octahedron,
 };
 
 fn judge(start: &RobotAtStart, walk: &GreedyWalk, waypoints: &[[f64; 2]]) -> WalkCheck {
@@ -122,7 +122,10 @@ fn bad_starts_and_waypoints_are_refused() {
     let start = unit_k5(Limits::default()).unwrap();
     let mut planner = GreedyPlanner::new(&start.robot, GreedyOptions::default()).unwrap();
     let error = planner.walk(&start.stance, &[[0.0, f64::NAN]]).unwrap_err();
-    assert!(matches!(error, GreedyError::Waypoint { index: 0, .. }));
+    assert!(matches!(
+        error,
+        GreedyError::Place(PlaceError::Waypoint { index: 0, .. })
+    ));
     let mut lifted = start.stance.clone();
     lifted
         .coordinates

@@ -5,7 +5,7 @@ mod common;
 use common::{fixture, known_primitive};
 use nalgebra::Point2;
 use tensegra_lar::{
-    GridGoal, Obstacle, Piece, PlanWalkError, PrimitiveLibrary, PrimitiveOptions, Turn,
+    GridGoal, Obstacle, Piece, PlaceError, PlanWalkError, PrimitiveLibrary, PrimitiveOptions, Turn,
     TwoTierError, TwoTierPlanner, WalkProblem, plan_two_tier, plan_walk,
 };
 
@@ -128,7 +128,10 @@ fn walled_in_goals_and_bad_starts_are_refused() {
     );
     let error = planner.walk(&start, &goal(3.1)).unwrap_err();
     assert!(
-        matches!(error, TwoTierError::WaypointInObstacle { obstacle: 0, .. }),
+        matches!(
+            error,
+            TwoTierError::Place(PlaceError::WaypointInObstacle { obstacle: 0, .. })
+        ),
         "{error}"
     );
     let mut crooked = start.clone();

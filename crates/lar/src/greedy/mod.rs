@@ -18,6 +18,7 @@ use nalgebra::{Point2, Rotation3, Vector3};
 use tensegra_optim::{DenseSqp, SqpOptions, SqpStatus};
 
 use crate::obstacle::plan_view;
+use crate::place::KeptClear;
 use crate::route::route_around;
 use crate::{Constraint, Dimension, Obstacle, Robot, Stance, Support, SupportedMotion};
 pub use options::{
@@ -163,30 +164,12 @@ impl<'a> GreedyPlanner<'a> {
         if robot.dimension() == Dimension::Two && !self.obstacles.is_empty() {
             return Err(GreedyError::PlanarObstacles);
         }
-        let clearance = self.clearance();
-        let near = |points: &[Point2<f64>]| {
-            self.obstacles
-                .iter()
-                .position(|o| !(o.gap(points).distance > clearance))
-        };
-        if let Some(obstacle) = near(&plan_view(robot, &start.coordinates)) {
-            return Err(GreedyError::StartInObstacle {
-                obstacle,
-                clearance,
-            });
+        let points = waypoints.iter().map(|&[x, y]| Point2::new(x, y));
+        KeptClear {
+            obstacles: self.obstacles,
+            clearance: self.clearance(),
         }
-        for (index, &[x, y]) in waypoints.iter().enumerate() {
-            if !x.is_finite() || !y.is_finite() {
-                return Err(GreedyError::Waypoint { index, x, y });
-            }
-            if let Some(obstacle) = near(&[Point2::new(x, y)]) {
-                return Err(GreedyError::WaypointInObstacle {
-                    index,
-                    obstacle,
-                    clearance,
-                });
-            }
-        }
+        .check(robot, start, points)?;
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::limits::setters;
-use crate::{Constraint, SupportError, SupportedMotion};
+use crate::{Constraint, PlaceError, SupportError, SupportedMotion};
 
 /// What a greedy step minimises.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -134,36 +134,9 @@ pub enum GreedyError {
         /// By how much.
         violation: f64,
     },
-    /// A waypoint is not finite.
-    #[error("waypoint {index} is ({x}, {y}): give finite numbers")]
-    Waypoint {
-        /// Index of the waypoint.
-        index: usize,
-        /// First coordinate.
-        x: f64,
-        /// Second coordinate.
-        y: f64,
-    },
-    /// A waypoint lies inside an obstacle, or too close to it.
-    #[error(
-        "waypoint {index} lies inside obstacle {obstacle} or within {clearance} of it: move one of them"
-    )]
-    WaypointInObstacle {
-        /// Index of the waypoint.
-        index: usize,
-        /// Index of the obstacle.
-        obstacle: usize,
-        /// Distance that the robot keeps from obstacles.
-        clearance: f64,
-    },
-    /// The robot starts inside an obstacle, or too close to it.
-    #[error("the robot starts within {clearance} of obstacle {obstacle}: move one of them")]
-    StartInObstacle {
-        /// Index of the obstacle.
-        obstacle: usize,
-        /// Distance that the robot keeps from obstacles.
-        clearance: f64,
-    },
+    /// A start or a waypoint that cannot be.
+    #[error(transparent)]
+    Place(#[from] PlaceError),
     /// Obstacles are outlines on the ground, which the plane does not have.
     #[error("obstacles need a robot in space")]
     PlanarObstacles,

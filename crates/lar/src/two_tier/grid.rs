@@ -121,6 +121,16 @@ pub enum GridGoal {
     },
 }
 
+impl GridGoal {
+    /// The point, or the centre of the disc.
+    #[must_use]
+    pub fn centre(&self) -> Point2<f64> {
+        match *self {
+            Self::Point(point) | Self::Disc { centre: point, .. } => point,
+        }
+    }
+}
+
 /// Outcome of a search over the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridSearch {

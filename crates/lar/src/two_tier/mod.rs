@@ -20,7 +20,8 @@ pub use pieces::Piece;
 use pieces::RollPath;
 
 use crate::obstacle::{convex_hull, plan_view};
-use crate::{Obstacle, Robot, SequenceRoll, Stance, SupportedMotion};
+use crate::place::KeptClear;
+use crate::{Obstacle, PlaceError, Robot, SequenceRoll, Stance, SupportedMotion};
 
 /// Why two-tier planning found no walk.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -31,36 +32,9 @@ pub enum TwoTierError {
         "the robot does not start in the symmetric stance that its primitives begin with: start there, or walk there first"
     )]
     StartStance,
-    /// A waypoint is not finite.
-    #[error("waypoint {index} is ({x}, {y}): give finite numbers")]
-    Waypoint {
-        /// Index of the waypoint.
-        index: usize,
-        /// First coordinate.
-        x: f64,
-        /// Second coordinate.
-        y: f64,
-    },
-    /// A waypoint lies inside an obstacle, or too close to it.
-    #[error(
-        "waypoint {index} lies inside obstacle {obstacle} or within {clearance} of it: move one of them"
-    )]
-    WaypointInObstacle {
-        /// Index of the waypoint.
-        index: usize,
-        /// Index of the obstacle.
-        obstacle: usize,
-        /// Distance that the robot keeps from obstacles.
-        clearance: f64,
-    },
-    /// The robot starts inside an obstacle, or too close to it.
-    #[error("the robot starts within {clearance} of obstacle {obstacle}: move one of them")]
-    StartInObstacle {
-        /// Index of the obstacle.
-        obstacle: usize,
-        /// Distance that the robot keeps from obstacles.
-        clearance: f64,
-    },
+    /// A start or a waypoint that cannot be.
+    #[error(transparent)]
+    Place(#[from] PlaceError),
     /// No sequence of rolls leads to a waypoint.
     #[error(
         "no sequence of rolls leads to waypoint {index}: {explored} support polygons can be reached, none of them there"
@@ -92,8 +66,7 @@ pub struct TwoTierWalk {
 #[derive(Debug, Clone)]
 pub struct TwoTierPlanner<'a> {
     library: &'a PrimitiveLibrary,
-    obstacles: &'a [Obstacle],
-    clearance: f64,
+    clear: KeptClear<'a>,
 }
 
 impl<'a> TwoTierPlanner<'a> {
@@ -103,28 +76,25 @@ impl<'a> TwoTierPlanner<'a> {
         let limits = library.one_roll().symmetric_robot().robot().limits();
         Self {
             library,
-            obstacles: &[],
-            clearance: 0.5 * limits.min_distance,
+            clear: KeptClear {
+                obstacles: &[],
+                clearance: 0.5 * limits.min_distance,
+            },
         }
     }
 
     /// Sets the obstacles, and the distance to keep from them seen from above.
     #[must_use]
     pub fn with_obstacles(mut self, obstacles: &'a [Obstacle], clearance: f64) -> Self {
-        self.obstacles = obstacles;
-        self.clearance = clearance;
+        self.clear = KeptClear {
+            obstacles,
+            clearance,
+        };
         self
     }
 
     fn robot(&self) -> &'a Robot {
         self.library.one_roll().symmetric_robot().robot()
-    }
-
-    /// The first obstacle that points come too close to.
-    fn touched(&self, points: &[Point2<f64>]) -> Option<usize> {
-        self.obstacles
-            .iter()
-            .position(|o| !(o.gap(points).distance > self.clearance))
     }
 
     /// The ground that a motion sweeps: the hull of all nodes at all configurations. During a
@@ -145,33 +115,12 @@ impl<'a> TwoTierPlanner<'a> {
     /// See [`TwoTierError`].
     pub fn walk(&self, start: &Stance, goals: &[GridGoal]) -> Result<TwoTierWalk, TwoTierError> {
         let robot = self.robot();
-        let (clearance, dimension) = (self.clearance, robot.dimension());
+        let dimension = robot.dimension();
         if self.library.one_roll().place(start, 0, false).is_none() {
             return Err(TwoTierError::StartStance);
         }
-        if let Some(obstacle) = self.touched(&plan_view(robot, &start.coordinates)) {
-            return Err(TwoTierError::StartInObstacle {
-                obstacle,
-                clearance,
-            });
-        }
-        for (index, goal) in goals.iter().enumerate() {
-            let (GridGoal::Point(p) | GridGoal::Disc { centre: p, .. }) = goal;
-            if !p.x.is_finite() || !p.y.is_finite() {
-                return Err(TwoTierError::Waypoint {
-                    index,
-                    x: p.x,
-                    y: p.y,
-                });
-            }
-            if let Some(obstacle) = self.touched(&[*p]) {
-                return Err(TwoTierError::WaypointInObstacle {
-                    index,
-                    obstacle,
-                    clearance,
-                });
-            }
-        }
+        let points = goals.iter().map(|goal| goal.centre());
+        self.clear.check(robot, start, points)?;
         let corners: [Point2<f64>; 3] = std::array::from_fn(|k| {
             dimension
                 .node(&start.coordinates, start.support.nodes()[k])
@@ -187,8 +136,9 @@ impl<'a> TwoTierPlanner<'a> {
         let sweep = self.one_roll_sweep();
         for (index, &goal) in goals.iter().enumerate() {
             let allowed = |cell: Cell, side: usize| {
-                self.obstacles.is_empty()
+                self.clear.obstacles.is_empty()
                     || self
+                        .clear
                         .touched(&placed_sweep(&grid, cell, side, &sweep))
                         .is_none()
             };
@@ -207,9 +157,9 @@ impl<'a> TwoTierPlanner<'a> {
             .stances(start, &grid, &cells)
             .ok_or(TwoTierError::StartStance)?;
         let path = RollPath::new(self.library, stances, rolls);
-        let is_free = |motion: &SupportedMotion| self.touched(&self.swept(motion)).is_none();
+        let is_free = |motion: &SupportedMotion| self.clear.touched(&self.swept(motion)).is_none();
         let is_free: Option<&dyn Fn(&SupportedMotion) -> bool> =
-            (!self.obstacles.is_empty()).then_some(&is_free);
+            (!self.clear.obstacles.is_empty()).then_some(&is_free);
         let (pieces, motion) = path.walk(is_free).ok_or(TwoTierError::StartStance)?;
         Ok(TwoTierWalk {
             motion,
@@ -229,10 +179,9 @@ impl<'a> TwoTierPlanner<'a> {
         let side = (grid.corners(Cell::ORIGIN)[1] - grid.corners(Cell::ORIGIN)[0]).norm();
         let start = grid.centre(Cell::ORIGIN);
         let (mut low, mut high) = (start, start);
-        let goals = goals.iter().map(|goal| match goal {
-            GridGoal::Point(point) | GridGoal::Disc { centre: point, .. } => *point,
-        });
+        let goals = goals.iter().map(|goal| goal.centre());
         let corners = self
+            .clear
             .obstacles
             .iter()
             .flat_map(|obstacle| obstacle.corners().iter().copied());
@@ -240,7 +189,7 @@ impl<'a> TwoTierPlanner<'a> {
             low = low.inf(&point);
             high = high.sup(&point);
         }
-        let margin = 4.0 * side + 2.0 * self.clearance;
+        let margin = 4.0 * side + 2.0 * self.clear.clearance;
         move |p: Point2<f64>| {
             p.x >= low.x - margin
                 && p.y >= low.y - margin
