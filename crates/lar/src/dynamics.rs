@@ -157,6 +157,9 @@ pub struct DynamicsReport {
     pub mean_error: f64,
     /// Largest mean (over the nodes) distance at any time that counts.
     pub largest_error: f64,
+    /// Whether the robot has lost its way: nodes were farther from the plan than the least length
+    /// of a member, as after a fall.
+    pub lost: bool,
     /// Largest force of an actuator.
     pub peak_force: f64,
     /// Changes of contact.
@@ -396,6 +399,7 @@ impl<'a> Simulation<'a> {
                 0.0
             },
             largest_error: self.largest_error,
+            lost: self.largest_error > self.robot.limits().min_length,
             peak_force: self.peak_force,
             contacts: self.contacts,
             tipping_time: self.tipping_time,

@@ -93,8 +93,9 @@ pub use plan::{
 pub use primitive::{
     Gait, GaitSearch, Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveFileError,
     PrimitiveOptions, PrimitiveSearch, Relabelling, SequenceRoll, Stance, SupportedMotion,
-    SymmetricRobot, SymmetryError, Turn, TurningGait, check_symmetry, extend_primitive, find_gait,
-    find_primitive, find_turning_gait, relabellings, solve_primitive, straight_strip,
+    SymmetricRobot, SymmetryError, Turn, TurningGait, check_symmetry, extend_primitive,
+    find_cheapest_primitive, find_gait, find_primitive, find_turning_gait, relabellings,
+    solve_primitive, straight_strip,
 };
 pub use problem::{TwoTierOptions, WalkGoal, WalkPlanner, WalkProblem, WalkProblemError};
 pub use random::{RandomRobotError, random_robot};

@@ -10,7 +10,7 @@ use crate::{
     GreedyError, GreedyPlanner, PrimitiveError, PrimitiveLibrary, SupportedMotion, SymmetricRobot,
     SymmetryError, TwoTierError, TwoTierPlanner, TwoTierWalk, Visit, Walk, WalkCheckOptions,
     WalkContext, WalkFacts, WalkGoal, WalkPlanner, WalkProblem, WalkStatistics, check_walk,
-    find_primitive,
+    find_cheapest_primitive,
 };
 
 /// A planned walk, with what a picture of the planning needs.
@@ -172,21 +172,8 @@ pub fn primitive_library(problem: &WalkProblem) -> Result<PrimitiveLibrary, Plan
         }
     };
     let primitives = &problem.two_tier.primitives;
-    let mut best = None;
-    let mut failure = PrimitiveError::Sequence;
-    for symmetric in &chosen {
-        let mut rng = Pcg64::seed_from_u64(problem.seed);
-        match find_primitive(symmetric, primitives, &mut rng) {
-            Ok(search) => {
-                let cost = search.best.cost();
-                if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                    best = Some((cost, search.best));
-                }
-            }
-            Err(error) => failure = error,
-        }
-    }
-    let (_, one_roll) = best.ok_or(failure)?;
+    let rng = || Pcg64::seed_from_u64(problem.seed);
+    let one_roll = find_cheapest_primitive(&chosen, primitives, rng)?.best;
     let (library, _) =
         PrimitiveLibrary::new(one_roll).extend(problem.two_tier.rolls, primitives)?;
     if problem.two_tier.gait {

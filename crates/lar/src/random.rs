@@ -37,6 +37,16 @@ pub enum RandomRobotError {
         /// Number of nodes asked for.
         nodes: usize,
     },
+    /// A rigidity index that no robot of this size has.
+    #[error("min_rigidity is {least}, but the index of a robot of {nodes} nodes is at most {most}")]
+    Rigidity {
+        /// Number of nodes.
+        nodes: usize,
+        /// The index asked for.
+        least: f64,
+        /// The greatest possible: one over the rank of the rigidity matrix.
+        most: f64,
+    },
     /// The constraints were never met.
     #[error(
         "no robot of {nodes} nodes met the limits in {CONSTRUCTIONS} constructions: loosen the limits"
@@ -76,6 +86,10 @@ pub fn random_robot(
     let axes = dimension.axes();
     if nodes <= axes {
         return Err(RandomRobotError::TooFewNodes { axes, nodes });
+    }
+    let most = 1.0 / (nodes * axes - axes * (axes + 1) / 2) as f64;
+    if let Some(least) = limits.min_rigidity.filter(|&least| least > most) {
+        return Err(RandomRobotError::Rigidity { nodes, least, most });
     }
     for _ in 0..CONSTRUCTIONS {
         if let Some(found) = construct(nodes, dimension, &limits, rng) {
@@ -219,7 +233,14 @@ mod tests {
             Err(RandomRobotError::TooFewNodes { nodes: 3, .. })
         ));
         let tight = Limits::default().with_min_rigidity(Some(0.5));
-        let tight = random_robot(4, Dimension::Three, tight, &mut rng);
-        assert_eq!(tight, Err(RandomRobotError::NotFound { nodes: 4 }));
+        let tight = random_robot(4, Dimension::Three, tight, &mut rng).unwrap_err();
+        assert!(
+            tight.to_string().contains("at most 0.1666"),
+            "no eigenvalue exceeds the mean of all: {tight}"
+        );
+        // In the plane three nodes find no place at all.
+        let blunt = Limits::default().with_min_angle(1.2);
+        let blunt = random_robot(3, Dimension::Two, blunt, &mut rng);
+        assert_eq!(blunt, Err(RandomRobotError::NotFound { nodes: 3 }));
     }
 }

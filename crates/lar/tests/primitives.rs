@@ -7,8 +7,8 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use tensegra_lar::{
     Limits, Primitive, PrimitiveError, PrimitiveOptions, RobotAtStart, Support, SymmetricRobot,
-    SymmetryError, Turn, check_symmetry, extend_primitive, find_gait, find_primitive,
-    solve_primitive, straight_strip, unit_k5,
+    SymmetryError, Turn, check_symmetry, extend_primitive, find_cheapest_primitive, find_gait,
+    find_primitive, solve_primitive, straight_strip, unit_k5,
 };
 
 #[test]
@@ -87,6 +87,21 @@ fn the_cost_per_roll_falls_with_the_number_of_rolls_and_to_the_gait() {
             verdict.faults.first()
         );
     }
+}
+
+#[test]
+fn the_cheapest_renaming_is_found() {
+    let RobotAtStart { robot, stance } = unit_k5(Limits::default()).unwrap();
+    let ways = SymmetricRobot::all(&robot, &stance.coordinates, &stance.support).unwrap();
+    assert_eq!(ways.len(), 4);
+    let options = PrimitiveOptions::default().with_starts(12).with_kept(1);
+    let search = find_cheapest_primitive(&ways, &options, || Pcg64::seed_from_u64(1)).unwrap();
+    let known = known_primitive("k5-rolling");
+    assert!((search.best.cost() - known.cost).abs() < 0.005 * known.cost);
+    assert_eq!(
+        search.best.symmetric_robot().relabelling().roles(),
+        known.roles
+    );
 }
 
 #[test]

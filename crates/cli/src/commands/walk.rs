@@ -269,6 +269,7 @@ fn as_json(outcome: &Outcome) -> Value {
                         "seconds_of_roll": seconds,
                         "mean_error": report.mean_error,
                         "largest_error": report.largest_error,
+                        "lost": report.lost,
                         "peak_force": report.peak_force,
                         "tipping_time": report.tipping_time,
                     })
@@ -352,6 +353,10 @@ fn print_one(outcome: &Outcome) {
         );
     }
     for (seconds, report) in &planned.simulations {
+        if report.lost {
+            println!("simulated          {seconds} s a roll: the robot falls and loses its way");
+            continue;
+        }
         println!(
             "simulated          {seconds} s a roll: mean error {:.2} cm, largest {:.2} cm, peak \
              force {:.0} N",

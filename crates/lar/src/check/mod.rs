@@ -260,6 +260,13 @@ impl Checker<'_> {
         }
         if facts.mass_fractions.len() != facts.nodes {
             self.malformed(0, "the masses are not one for each node");
+        } else if !((facts.mass_fractions.iter().sum::<f64>() - 1.0).abs() <= 1e-9)
+            || facts.mass_fractions.iter().any(|&part| part < 0.0)
+        {
+            self.malformed(
+                0,
+                "the parts of the mass are negative or do not add up to 1",
+            );
         }
         if walk.configurations.is_empty() {
             self.malformed(0, "the walk has no configurations");

@@ -16,7 +16,8 @@ use crate::limits::setters;
 
 pub use gait::{Gait, GaitSearch, TurningGait, find_gait, find_turning_gait};
 pub use search::{
-    PrimitiveAttempt, PrimitiveSearch, extend_primitive, find_primitive, solve_primitive,
+    PrimitiveAttempt, PrimitiveSearch, extend_primitive, find_cheapest_primitive, find_primitive,
+    solve_primitive,
 };
 pub use sequence::{SequenceRoll, Stance, SymmetricRobot, Turn, straight_strip};
 pub use store::PrimitiveFileError;

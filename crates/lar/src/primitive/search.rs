@@ -339,9 +339,62 @@ pub fn find_primitive(
     let sequence = Sequence::new(symmetric, &[])?;
     let mut attempts = Vec::new();
     let tips = find_tips(&sequence, options, rng, &mut attempts)?;
+    refine_tips(symmetric, &sequence, &tips, options, attempts)
+}
+
+/// Searches for the cheapest of the one-roll primitives of several renamings of nodes, as
+/// [`find_primitive`] does for one; `rng` makes a fresh generator for each. Renamings whose tip
+/// shapes promise nothing cheaper than what is found already are not looked into.
+///
+/// # Errors
+/// See [`PrimitiveError`]; `NotFound` when no attempt reaches a feasible motion.
+pub fn find_cheapest_primitive<R: Rng>(
+    ways: &[SymmetricRobot],
+    options: &PrimitiveOptions,
+    rng: impl Fn() -> R,
+) -> Result<PrimitiveSearch, PrimitiveError> {
+    options.validate()?;
+    let mut candidates = Vec::with_capacity(ways.len());
+    for way in ways {
+        let sequence = Sequence::new(way, &[])?;
+        let mut attempts = Vec::new();
+        let tips = find_tips(&sequence, options, &mut rng(), &mut attempts)?;
+        let cheapest = tips.iter().map(|(cost, _)| *cost);
+        // With D² the cost of one large step, n small ones cost at least D²/n.
+        let least = cheapest.fold(f64::INFINITY, f64::min) * 2.0 / options.steps as f64;
+        candidates.push((least, way, sequence, tips, attempts));
+    }
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best: Option<(f64, PrimitiveSearch)> = None;
+    let mut failure = PrimitiveError::Sequence;
+    for (least, way, sequence, tips, attempts) in candidates {
+        if best.as_ref().is_some_and(|(cost, _)| least >= *cost) {
+            break;
+        }
+        match refine_tips(way, &sequence, &tips, options, attempts) {
+            Ok(search) => {
+                let cost = search.best.cost();
+                if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                    best = Some((cost, search));
+                }
+            }
+            Err(error) => failure = error,
+        }
+    }
+    best.map(|(_, search)| search).ok_or(failure)
+}
+
+/// Carries tip shapes on to coarse motions and the best of these to full ones.
+fn refine_tips(
+    symmetric: &SymmetricRobot,
+    sequence: &Sequence<'_>,
+    tips: &[(f64, Vec<f64>)],
+    options: &PrimitiveOptions,
+    mut attempts: Vec<PrimitiveAttempt>,
+) -> Result<PrimitiveSearch, PrimitiveError> {
     let mut failure = "no tip shape was found".to_owned();
     let mut coarse: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
-    for (tip_cost, tip) in &tips {
+    for (tip_cost, tip) in tips {
         if coarse.len() == options.kept {
             break;
         }
@@ -388,7 +441,7 @@ pub fn find_primitive(
         {
             continue;
         }
-        match finish(symmetric, &sequence, &[], &guess, options) {
+        match finish(symmetric, sequence, &[], &guess, options) {
             Ok((primitive, attempt)) => {
                 refined.get_or_insert(cost);
                 if best.as_ref().is_none_or(|(least, _)| attempt.cost < *least) {
