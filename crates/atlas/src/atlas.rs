@@ -14,6 +14,7 @@ use crate::{
     chart::{Chart, ProjectionFailed, Workspace},
     error::ManifoldError,
     manifold::ImplicitManifold,
+    packed::PackedPoints,
     qr::dot,
 };
 
@@ -57,6 +58,7 @@ pub struct Atlas {
     domain: ChartDomain,
     dimension: usize,
     charts: Vec<Chart>,
+    centers: PackedPoints,
     cuts: Vec<Vec<Cut>>,
 }
 
@@ -67,6 +69,7 @@ impl Atlas {
             domain,
             dimension,
             charts: Vec::new(),
+            centers: PackedPoints::new(0),
             cuts: Vec::new(),
         }
     }
@@ -120,11 +123,15 @@ impl Atlas {
         let index = self.charts.len();
         let reach = 4.0 * (self.domain.radius.powi(2) + self.domain.error.powi(2));
         let mut cuts = Vec::new();
-        for (j, other) in self.charts.iter().enumerate() {
-            let distance = squared_distance(center, other.center());
+        if self.is_empty() {
+            self.centers = PackedPoints::new(center.len());
+        }
+        self.centers.squared_distances(center, &mut work.distances);
+        for (j, &distance) in work.distances.iter().enumerate() {
             if distance >= reach || distance == 0.0 {
                 continue;
             }
+            let other = &self.charts[j];
             let cut = self.cut(&chart, other.center(), distance, j);
             let opposite = self.cut(other, center, distance, index);
             if let (Some(cut), Some(opposite)) = (cut, opposite) {
@@ -132,6 +139,7 @@ impl Atlas {
                 self.cuts[j].push(opposite);
             }
         }
+        self.centers.push(center);
         self.charts.push(chart);
         self.cuts.push(cuts);
         Ok(index)

@@ -17,7 +17,7 @@ mod recenter;
 use crate::{
     error::ManifoldError,
     manifold::{ImplicitManifold, SparseRow, SparsityPattern},
-    qr::{PivotedQr, axpy, dot},
+    qr::{PivotedQr, axpy, dot, vectorised},
 };
 
 /// Rank is lost when the last pivot is below this fraction of the first.
@@ -25,6 +25,8 @@ pub(crate) const SINGULAR_PIVOT: f64 = 1e-7;
 
 /// Contraction of the residual that a chord iteration must at least achieve.
 const POOR_CONTRACTION: f64 = 0.7;
+/// Contraction from which the next iteration's is foreseen, and the room for error then.
+const SURE_CONTRACTION: f64 = 0.1;
 
 /// Memory that the operations of charts share; one for each thread.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +40,8 @@ pub struct Workspace {
     jacobian: Vec<f64>,
     newton: Vec<f64>,
     saved: Vec<f64>,
+    /// Distances of charts from a new one.
+    pub(crate) distances: Vec<f64>,
     /// Chord iterations made so far.
     pub chord_iterations: usize,
     /// Newton iterations made so far.
@@ -62,12 +66,17 @@ pub struct Chart {
     basis: Vec<f64>,
     /// Φ, one variable after the other.
     basis_by_variable: Vec<f64>,
+    /// Φᵀ x_c.
+    center_along: Vec<f64>,
     dimension: usize,
     /// Independent equations.
     rows: Vec<u32>,
     /// B, the pseudo-inverse of the independent rows at the centre, one column
-    /// of m values for each of them.
+    /// of m values for each of them, padded with zeros to whole [`LANES`] in both
+    /// directions.
     pseudo_inverse: Vec<f64>,
+    /// B, one row of r values for each variable.
+    pseudo_inverse_by_variable: Vec<f64>,
     /// Jacobian at the centre, in the order of the manifold's pattern.
     jacobian: Vec<f64>,
 }
@@ -100,23 +109,21 @@ impl Chart {
                 pivot_ratio: qr.rest_ratio(),
             });
         }
-        let mut basis = Vec::with_capacity(m * dimension);
-        qr.write_null_basis(&mut basis);
-        let mut basis_by_variable = vec![0.0; m * dimension];
-        for (j, vector) in basis.chunks_exact(m).enumerate() {
-            for (i, &v) in vector.iter().enumerate() {
-                basis_by_variable[i * dimension + j] = v;
-            }
-        }
-        let mut pseudo_inverse = Vec::with_capacity(m * rank);
-        qr.write_pseudo_inverse(pattern, &jacobian, &mut pseudo_inverse);
+        let mut basis_by_variable = Vec::with_capacity(m * dimension);
+        qr.write_null_basis(&mut basis_by_variable);
+        let mut pseudo_inverse_by_variable = Vec::with_capacity(m * rank);
+        qr.write_pseudo_inverse(pattern, &jacobian, &mut pseudo_inverse_by_variable);
+        let basis = transposed(&basis_by_variable, dimension);
+        let vectors = basis.chunks_exact(m);
         Ok(Self {
             center: center.to_vec(),
+            center_along: vectors.map(|vector| dot(vector, center)).collect(),
             basis,
             basis_by_variable,
             dimension,
             rows: qr.independent_rows().iter().map(|&r| r as u32).collect(),
-            pseudo_inverse,
+            pseudo_inverse: padded_columns(&pseudo_inverse_by_variable, rank),
+            pseudo_inverse_by_variable,
             jacobian,
         })
     }
@@ -148,17 +155,23 @@ impl Chart {
     /// that depend on others (n values). Cost: m r.
     pub fn multipliers(&self, w: &[f64], y: &mut [f64]) {
         y.fill(0.0);
-        let columns = self.pseudo_inverse.chunks_exact(self.center.len());
+        let columns = self.pseudo_inverse.chunks_exact(padded(self.center.len()));
         for (&row, column) in self.rows.iter().zip(columns) {
-            y[row as usize] = dot(column, w);
+            y[row as usize] = dot(&column[..w.len()], w);
         }
     }
 
     /// Logarithmic map: tangent coordinates t = Φᵀ (x − x_c). Cost: k m.
     pub fn log(&self, x: &[f64], t: &mut [f64]) {
-        for (t, vector) in t.iter_mut().zip(self.basis.chunks_exact(self.center.len())) {
-            *t = dot(vector, x) - dot(vector, &self.center);
-        }
+        let vectors = self.basis.chunks_exact(self.center.len());
+        vectorised(
+            #[inline(always)]
+            || {
+                for ((t, vector), along) in t.iter_mut().zip(vectors).zip(&self.center_along) {
+                    *t = dot(vector, x) - along;
+                }
+            },
+        );
     }
 
     /// The point x_c + Φ t of the tangent space. Cost: k m.
@@ -182,22 +195,33 @@ impl Chart {
         scratch: &mut Vec<f64>,
         tangent_gradient: &mut [f64],
     ) {
-        let m = self.center.len();
+        let (m, r) = (self.center.len(), self.rows.len());
         scratch.clear();
-        scratch.resize(m, 0.0);
-        for &(variable, g) in gradient.entries() {
-            scratch[variable] += g;
-        }
-        for (&row, column) in self.rows.iter().zip(self.pseudo_inverse.chunks_exact(m)) {
-            let multiplier: f64 = gradient.entries().iter().map(|&(i, g)| g * column[i]).sum();
-            let range = pattern.row_range(row as usize);
-            for (&i, &v) in pattern.row(row as usize).iter().zip(&jacobian[range]) {
-                scratch[i] -= v * multiplier;
-            }
-        }
-        for (t, vector) in tangent_gradient.iter_mut().zip(self.basis.chunks_exact(m)) {
-            *t = dot(vector, scratch);
-        }
+        scratch.resize(m + r, 0.0);
+        vectorised(
+            #[inline(always)]
+            || {
+                let (normal, multipliers) = scratch.split_at_mut(m);
+                for &(i, g) in gradient.entries() {
+                    normal[i] += g;
+                    let row = &self.pseudo_inverse_by_variable[i * r..(i + 1) * r];
+                    axpy(g, row, multipliers);
+                }
+                for (&row, &multiplier) in self.rows.iter().zip(&*multipliers) {
+                    let range = pattern.row_range(row as usize);
+                    for (&i, &v) in pattern.row(row as usize).iter().zip(&jacobian[range]) {
+                        normal[i] -= v * multiplier;
+                    }
+                }
+                tangent_gradient.fill(0.0);
+                let rows = self.basis_by_variable.chunks_exact(self.dimension.max(1));
+                for (&g, row) in normal.iter().zip(rows) {
+                    if g != 0.0 {
+                        axpy(g, row, tangent_gradient);
+                    }
+                }
+            },
+        );
     }
 
     /// Exponential map: the point of the manifold with tangent coordinates t.
@@ -234,7 +258,6 @@ impl Chart {
         work.residual.resize(manifold.equation_count(), 0.0);
         work.saved.clear();
         work.saved.extend_from_slice(x);
-        work.steps.clear();
         work.lengths.clear();
         let mut previous = f64::INFINITY;
         let mut poor = 0;
@@ -263,9 +286,19 @@ impl Chart {
                     break;
                 }
             }
+            // Convergence is superlinear: where the last contraction, repeated, goes far
+            // enough, the residual after the step need not be looked at.
+            let contraction = size / previous;
+            let last = previous.is_finite()
+                && contraction < SURE_CONTRACTION
+                && contraction * size <= SURE_CONTRACTION * tolerance
+                && crate::newton::largest(&work.residual).1 <= 1e3 * tolerance;
             previous = size;
             if !self.chord_step(x, work) {
                 break;
+            }
+            if last {
+                return Ok(());
             }
         }
         x.copy_from_slice(&work.saved);
@@ -276,31 +309,38 @@ impl Chart {
     /// algorithm `brsol`); F(x) is in the workspace. `false` where the update
     /// breaks down.
     fn chord_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
+        vectorised(
+            #[inline(always)]
+            || self.broyden_step(x, work),
+        )
+    }
+
+    #[inline(always)]
+    fn broyden_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
         work.chord_iterations += 1;
-        let m = x.len();
-        let start = work.steps.len();
-        work.steps.resize(start + m, 0.0);
-        let (before, step) = work.steps.split_at_mut(start);
-        for (pair, columns) in self.rows.chunks(2).zip(self.pseudo_inverse.chunks(2 * m)) {
-            let f = -work.residual[pair[0] as usize];
-            if let Some(&second) = pair.get(1) {
-                let g = -work.residual[second as usize];
-                let (a, b) = columns.split_at(m);
-                for ((s, a), b) in step.iter_mut().zip(a).zip(b) {
-                    *s += f * a + g * b;
-                }
-            } else {
-                axpy(f, columns, step);
-            }
-        }
+        let stride = padded(x.len());
         let count = work.lengths.len();
-        if count > 0 {
-            for j in 0..count - 1 {
-                let (s, next) = before[j * m..].split_at(m);
-                axpy(dot(s, step) / work.lengths[j], &next[..m], step);
+        if work.steps.len() < (count + 1) * stride {
+            work.steps.resize((count + 1) * stride, 0.0);
+        }
+        let (before, step) = work.steps.split_at_mut(count * stride);
+        let step = &mut step[..stride];
+        step.fill(0.0);
+        let blocks = self.pseudo_inverse.chunks_exact(LANES * stride);
+        for (rows, columns) in self.rows.chunks(LANES).zip(blocks) {
+            let mut f = [0.0; LANES];
+            for (f, &row) in f.iter_mut().zip(rows) {
+                *f = -work.residual[row as usize];
             }
-            let last = &before[(count - 1) * m..];
-            let scale = 1.0 - dot(last, step) / work.lengths[count - 1];
+            add_columns(f, columns, step);
+        }
+        if let Some(newest) = count.checked_sub(1) {
+            for j in 0..newest {
+                let (s, next) = before[j * stride..].split_at(stride);
+                axpy(dot(s, step) / work.lengths[j], &next[..stride], step);
+            }
+            let last = &before[newest * stride..];
+            let scale = 1.0 - dot(last, step) / work.lengths[newest];
             if scale.abs() < 0.1 {
                 return false;
             }
@@ -314,7 +354,7 @@ impl Chart {
     }
 
     /// Newton's method for F(x) = 0 in the normal space at the centre: the
-    /// correction is Jᵀ(x_c) y with (J(x) Jᵀ(x_c)) y = −F(x) on independent rows.
+    /// correction is B y with (J(x) B) y = −F(x) on independent rows.
     fn newton<M: ImplicitManifold + ?Sized>(
         &self,
         manifold: &M,
@@ -324,7 +364,7 @@ impl Chart {
     ) -> Result<(), ProjectionFailed> {
         const MAX_ITERATIONS: usize = 8;
         let pattern = manifold.jacobian_pattern();
-        let (m, r) = (x.len(), self.rows.len());
+        let r = self.rows.len();
         let mut previous = f64::INFINITY;
         work.jacobian.resize(pattern.len(), 0.0);
         for _ in 0..=MAX_ITERATIONS {
@@ -339,52 +379,100 @@ impl Chart {
             previous = size;
             work.newton_iterations += 1;
             manifold.jacobian(x, &mut work.jacobian);
-            // Column j of the matrix is J(x) applied to row j of J(x_c).
-            let matrix = &mut work.newton;
+            let Workspace {
+                newton: matrix,
+                jacobian,
+                residual,
+                ..
+            } = work;
             matrix.clear();
-            matrix.resize(r * (r + 1) + m, 0.0);
-            let (matrix, dense) = matrix.split_at_mut(r * (r + 1));
-            for (j, &row_j) in self.rows.iter().enumerate() {
-                dense.fill(0.0);
-                let range = pattern.row_range(row_j as usize);
-                for (&c, &v) in pattern
-                    .row(row_j as usize)
-                    .iter()
-                    .zip(&self.jacobian[range])
-                {
-                    dense[c] = v;
-                }
-                for (i, &row_i) in self.rows.iter().enumerate() {
-                    let range = pattern.row_range(row_i as usize);
-                    matrix[i * (r + 1) + j] = pattern
-                        .row(row_i as usize)
-                        .iter()
-                        .zip(&work.jacobian[range])
-                        .map(|(&c, &v)| v * dense[c])
-                        .sum();
-                }
-            }
-            for (i, &row) in self.rows.iter().enumerate() {
-                matrix[i * (r + 1) + r] = work.residual[row as usize];
-            }
-            if !solve_by_elimination(matrix, r) {
+            matrix.resize(r * (r + 1), 0.0);
+            let solved = vectorised(
+                #[inline(always)]
+                || {
+                    for (&row, product) in self.rows.iter().zip(matrix.chunks_exact_mut(r + 1)) {
+                        let range = pattern.row_range(row as usize);
+                        for (&c, &v) in pattern.row(row as usize).iter().zip(&jacobian[range]) {
+                            let row = &self.pseudo_inverse_by_variable[c * r..(c + 1) * r];
+                            axpy(v, row, &mut product[..r]);
+                        }
+                        product[r] = residual[row as usize];
+                    }
+                    solve_by_elimination(matrix, r)
+                },
+            );
+            if !solved {
                 break;
             }
-            for (j, &row) in self.rows.iter().enumerate() {
-                let y = matrix[j * (r + 1) + r];
-                let range = pattern.row_range(row as usize);
-                for (&c, &v) in pattern.row(row as usize).iter().zip(&self.jacobian[range]) {
-                    x[c] -= v * y;
-                }
+            let columns = self.pseudo_inverse.chunks_exact(padded(x.len()));
+            for (product, column) in matrix.chunks_exact(r + 1).zip(columns) {
+                axpy(-product[r], &column[..x.len()], x);
             }
         }
         Err(ProjectionFailed { residual: previous })
     }
 }
 
+/// Values that the innermost loop of a projection takes at once.
+const LANES: usize = 4;
+
+/// Length of a column with its padding.
+#[inline(always)]
+fn padded(length: usize) -> usize {
+    length.next_multiple_of(LANES)
+}
+
+/// y ← y + C f for a few columns C, as long as y each.
+#[inline(always)]
+fn add_columns(f: [f64; LANES], columns: &[f64], y: &mut [f64]) {
+    let stride = y.len();
+    let (first, second) = columns.split_at(2 * stride);
+    let ((a, b), (c, d)) = (first.split_at(stride), second.split_at(stride));
+    let columns = [a, b, c, d].map(|column| column.as_chunks::<LANES>().0);
+    let [a, b, c, d] = columns.map(|column| column.iter());
+    for ((((y, a), b), c), d) in y
+        .as_chunks_mut::<LANES>()
+        .0
+        .iter_mut()
+        .zip(a)
+        .zip(b)
+        .zip(c)
+        .zip(d)
+    {
+        for i in 0..LANES {
+            y[i] += (f[0] * a[i] + f[1] * b[i]) + (f[2] * c[i] + f[3] * d[i]);
+        }
+    }
+}
+
+/// As [`transposed`], with padded columns, and their number padded.
+fn padded_columns(matrix: &[f64], columns: usize) -> Vec<f64> {
+    let stride = padded(matrix.len() / columns.max(1));
+    let mut padded_columns = vec![0.0; padded(columns) * stride];
+    for (i, row) in matrix.chunks_exact(columns.max(1)).enumerate() {
+        for (column, &v) in padded_columns.chunks_exact_mut(stride).zip(row) {
+            column[i] = v;
+        }
+    }
+    padded_columns
+}
+
+/// A matrix stored row by row, `columns` values each, column by column.
+fn transposed(matrix: &[f64], columns: usize) -> Vec<f64> {
+    let rows = matrix.len() / columns.max(1);
+    let mut transposed = vec![0.0; matrix.len()];
+    for (i, row) in matrix.chunks_exact(columns.max(1)).enumerate() {
+        for (column, &v) in transposed.chunks_exact_mut(rows).zip(row) {
+            column[i] = v;
+        }
+    }
+    transposed
+}
+
 /// Gaussian elimination with partial pivoting on an augmented matrix of r rows
 /// and r + 1 columns; the solution replaces the last column. `false` when a
 /// pivot vanishes.
+#[inline(always)]
 pub(crate) fn solve_by_elimination(a: &mut [f64], r: usize) -> bool {
     let w = r + 1;
     for j in 0..r {

@@ -14,6 +14,7 @@ pub mod doc;
 mod error;
 mod manifold;
 mod newton;
+mod packed;
 mod polytope;
 mod qr;
 mod validity;
@@ -28,5 +29,6 @@ pub use continuation::{
 pub use error::ManifoldError;
 pub use manifold::{ImplicitManifold, SparseRow, SparsityPattern};
 pub use newton::{dimension, project};
+pub use packed::PackedPoints;
 pub use polytope::{Facet, Polytope, Vertex};
 pub use validity::{Everywhere, Obstruction, Predicate, Validity};

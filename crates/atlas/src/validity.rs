@@ -47,6 +47,23 @@ pub trait Validity: Sync {
         violated: &mut Vec<usize>,
     ) -> Result<(), Obstruction>;
 
+    /// Judges a step of a search tree as [`Validity::step`] does, but may take the
+    /// motion for the straight line between its ends: what becomes part of a path is
+    /// judged again by [`Validity::robust_step`].
+    ///
+    /// # Errors
+    /// As [`Validity::step`].
+    fn tree_step(
+        &self,
+        from: &Self::Memory,
+        x: &[f64],
+        to: &mut Self::Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+        violated: &mut Vec<usize>,
+    ) -> Result<(), Obstruction> {
+        self.step(from, x, to, between, violated)
+    }
+
     /// Judges a step of a path that others will know by its two ends alone: they
     /// may return to the manifold between them in a way of their own, and must
     /// find the motion valid too. `false` asks for points closer together.
@@ -62,9 +79,16 @@ pub trait Validity: Sync {
 
     /// Value of a contact at x, scaled like the variables: positive when clear.
     /// Adds its gradient to `row`. `None` where the contact has no usable
-    /// normal, so that a branch must stop there.
-    fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {
-        let _ = (contact, x, row);
+    /// normal, so that a branch must stop there. Fastest with the memory of x;
+    /// any other serves as scratch.
+    fn contact(
+        &self,
+        contact: usize,
+        x: &[f64],
+        memory: &mut Self::Memory,
+        row: &mut SparseRow,
+    ) -> Option<f64> {
+        let _ = (contact, x, memory, row);
         None
     }
 

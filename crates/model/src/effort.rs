@@ -66,10 +66,10 @@ pub enum EffortError {
 /// let path = Path {
 ///     configurations: vec![at(0.0, 0.0), at(0.3, 0.4)],
 /// };
-/// let length = path_length(&structure, &path).map_err(|error| error.to_string())?;
+/// let length = path_length(&structure, &path)?;
 /// # // Node b closes no loop: its position counts like that of the base.
 /// assert!((length - 0.5 * 2.0_f64.sqrt()).abs() < 1e-12);
-/// # Ok::<(), String>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn path_length(structure: &Structure, path: &Path) -> Result<f64, EquilibriumError> {
     let manifold = DirectionsManifold::new(structure)?;

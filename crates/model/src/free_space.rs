@@ -23,7 +23,7 @@ use tensegra_collision::{
 
 use crate::{
     environment::{BadShape, Body, Environment, Role, Shape},
-    equilibrium::EquilibriumManifold,
+    equilibrium::{ElementQuantity, EquilibriumManifold},
     structure::{Attachment, Element, ElementKind, Interval, Structure},
 };
 
@@ -36,8 +36,14 @@ const DEVIATION_FACTOR: f64 = 2.0;
 /// Another return to the manifold strays from the straight line at most this many
 /// times as far as ours.
 const STRAY_FACTOR: f64 = 4.0;
+/// Forces vary linearly along a step of a path to this fraction of the largest force,
+/// for an element as long as the structure; to less for a shorter one.
+const FORCE_DEVIATION: f64 = 0.01;
 /// Points move at most this much farther than the distance between samples.
 const CURVATURE_FACTOR: f64 = 1.1;
+/// In a tree, the motion is taken to stray from the linear one by this fraction of
+/// the displacement.
+const PROBABLE_STRAY: f64 = 0.005;
 /// Halvings of a step.
 const HALVINGS: usize = 5;
 
@@ -208,14 +214,67 @@ pub struct Memory {
     state: State,
     /// Lower bound of the clearance of each pair.
     bounds: Vec<f64>,
+    scratch: Scratch,
 }
 
-/// A point of the manifold with the node positions and capsules that follow.
+/// A point of the manifold with the node positions and bodies that follow.
 #[derive(Clone, Debug)]
 struct State {
     x: Vec<f64>,
     positions: Vec<Point3<f64>>,
     capsules: Vec<Capsule>,
+    /// Pose of each attachment, where there are attached solids.
+    poses: Vec<Isometry3<f64>>,
+    /// Middle of each attached solid.
+    middles: Vec<Point3<f64>>,
+}
+
+/// The largest displacement of any point of each body during a step, if linear.
+#[derive(Clone, Debug, Default)]
+struct Displacements {
+    capsules: Vec<f64>,
+    attached: Vec<f64>,
+}
+
+/// Memory of the test of a step.
+#[derive(Clone, Debug, Default)]
+struct Scratch {
+    moved: Displacements,
+    doubts: Vec<Doubt>,
+    /// Middles of the step, of its halves, and so on.
+    middles: Vec<Middle>,
+    gradients: Vec<(usize, Vector3<f64>)>,
+}
+
+#[derive(Clone, Debug)]
+struct Middle {
+    x: Vec<f64>,
+    state: State,
+    /// How far each capsule lies off the middle of the linear motion.
+    strays: Vec<f64>,
+    moved: Displacements,
+    /// Pairs in doubt here too, and their clearances in the middle.
+    open: Vec<(Doubt, f64)>,
+    left: Vec<Doubt>,
+}
+
+/// For whom a step must be valid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Rigour {
+    /// For a tree; it will be judged again.
+    Tree,
+    /// For whoever moves as we do.
+    Exact,
+    /// For whoever returns to the manifold in a way of their own.
+    Robust,
+}
+
+/// A pair whose clearance between two states is in doubt.
+#[derive(Clone, Copy, Debug)]
+struct Doubt {
+    pair: usize,
+    /// At both ends.
+    clearances: [f64; 2],
 }
 
 /// A collision pair that is too close, for messages.
@@ -365,8 +424,16 @@ impl Scene {
         let State {
             positions,
             capsules,
+            poses,
+            middles,
             ..
         } = state;
+        for (pose, frame) in poses.iter_mut().zip(&self.frames) {
+            *pose = frame.pose(positions);
+        }
+        for (middle, solid) in middles.iter_mut().zip(&self.attached) {
+            *middle = self.frames[solid.attachment].point(&solid.middle, positions);
+        }
         for (capsule, moving) in capsules.iter_mut().zip(&self.capsules) {
             match moving {
                 MovingCapsule::Element {
@@ -417,11 +484,17 @@ impl Scene {
                     radius: radius(c),
                 })
                 .collect(),
+            poses: if self.attached.is_empty() {
+                Vec::new()
+            } else {
+                vec![Isometry3::identity(); self.frames.len()]
+            },
+            middles: vec![Point3::origin(); self.attached.len()],
         }
     }
 
     fn contact(&self, pair: &Pair, state: &State) -> Contact {
-        let pose = |s: &AttachedSolid| self.frames[s.attachment].pose(&state.positions);
+        let pose = |s: &AttachedSolid| state.poses[s.attachment];
         match pair.primitives {
             Primitives::Capsules(i, j) => capsule_capsule(&state.capsules[i], &state.capsules[j]),
             Primitives::CapsuleObstacle(i, o) => {
@@ -443,26 +516,56 @@ impl Scene {
         }
     }
 
-    /// How far the bodies of a pair move towards each other at most, if linearly.
-    fn displacement(&self, pair: &Pair, moved: &[f64], a: &State, b: &State) -> f64 {
-        let attached = |s: usize| {
-            let solid = &self.attached[s];
-            let frame = &self.frames[solid.attachment];
-            let place = |state: &State| frame.point(&solid.middle, &state.positions);
-            // A turn by θ moves points of a ball of radius r by at most θ r
-            // beyond its centre; θ is bounded by the change of the axes.
-            let turn = (frame.pose(&a.positions).rotation.inverse()
-                * frame.pose(&b.positions).rotation)
-                .angle();
-            (place(b) - place(a)).norm() + turn * solid.radius
+    /// Writes how far points of each body move at most, if linearly.
+    fn displacements(&self, a: &State, b: &State, moved: &mut Displacements) {
+        let capsules = a.capsules.iter().zip(&b.capsules);
+        moved.capsules.clear();
+        moved
+            .capsules
+            .extend(capsules.map(|(a, b)| (b.a - a.a).norm().max((b.b - a.b).norm())));
+        let middles = a.middles.iter().zip(&b.middles);
+        moved.attached.clear();
+        moved
+            .attached
+            .extend(middles.zip(&self.attached).map(|((p, q), solid)| {
+                // A turn by θ moves points of a ball of radius r by at most θ r
+                // beyond its centre.
+                let [from, to] = [a, b].map(|state| state.poses[solid.attachment].rotation);
+                (q - p).norm() + (from.inverse() * to).angle() * solid.radius
+            }));
+    }
+
+    /// How far the bodies of a pair move towards each other at most: by the sum of
+    /// their displacements.
+    fn displacement(&self, pair: &Pair, moved: &Displacements) -> f64 {
+        let Displacements { capsules, attached } = moved;
+        CURVATURE_FACTOR
+            * match pair.primitives {
+                Primitives::Capsules(i, j) => capsules[i] + capsules[j],
+                Primitives::CapsuleObstacle(i, _) => capsules[i],
+                Primitives::CapsuleAttached(i, s) => capsules[i] + attached[s],
+                Primitives::AttachedObstacle(s, _) => attached[s],
+                Primitives::AttachedAttached(s, r) => attached[s] + attached[r],
+            }
+    }
+
+    /// The same, sharper where two capsules move alike: no two of their points move
+    /// more relative to each other than two of their ends do.
+    fn relative_displacement(&self, pair: &Pair, sum: f64, a: &State, b: &State) -> f64 {
+        let Primitives::Capsules(i, j) = pair.primitives else {
+            return sum;
         };
-        match pair.primitives {
-            Primitives::Capsules(i, j) => moved[i] + moved[j],
-            Primitives::CapsuleObstacle(i, _) => moved[i],
-            Primitives::CapsuleAttached(i, s) => moved[i] + attached(s),
-            Primitives::AttachedObstacle(s, _) => attached(s),
-            Primitives::AttachedAttached(s, r) => attached(s) + attached(r),
-        }
+        let moved = |i: usize| {
+            let (from, to) = (&a.capsules[i], &b.capsules[i]);
+            [to.a - from.a, to.b - from.b]
+        };
+        let ([p, q], [r, s]) = (moved(i), moved(j));
+        let square = [p - r, p - s, q - r, q - s]
+            .iter()
+            .fold(0.0, |largest: f64, d| largest.max(d.norm_squared()));
+        // What curvature may add depends on how far each of them moves.
+        let curvature = sum * (1.0 - 1.0 / CURVATURE_FACTOR);
+        sum.min(square.sqrt() + curvature)
     }
 
     /// Whether the pair keeps the slack while its bodies move linearly.
@@ -733,97 +836,101 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         self.scene.place(state);
     }
 
+    fn middle(&self) -> Middle {
+        Middle {
+            x: vec![0.0; self.manifold.ambient_dimension()],
+            state: self.scene.state(self.manifold.structure().nodes.len()),
+            strays: Vec::new(),
+            moved: Displacements::default(),
+            open: Vec::new(),
+            left: Vec::new(),
+        }
+    }
+
     /// Whether some pairs are clear between the states `a` and `b`, at the
-    /// fractions `s` of the step; they are clear at both.
+    /// fractions `s` of the step; they are clear at both. The step is halved as often
+    /// as there are `middles`.
     fn is_clear_between(
         &self,
-        pairs: &[usize],
+        doubts: &[Doubt],
         (a, b): (&State, &State),
         s: [f64; 2],
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
-        halvings: usize,
+        middles: &mut [Middle],
         robust: bool,
     ) -> bool {
-        let mut y = vec![0.0; self.manifold.ambient_dimension()];
+        let Some((at_middle, middles)) = middles.split_first_mut() else {
+            return false;
+        };
+        let Middle {
+            x,
+            state,
+            strays,
+            moved,
+            open,
+            left,
+        } = at_middle;
         let middle = 0.5 * (s[0] + s[1]);
-        if !between(middle, &mut y) {
+        if !between(middle, x) {
             return false;
         }
-        let state = self.state(&y);
+        self.place(x, state);
         // The deviation in all coordinates, forces included: a judge that
         // returns to the manifold along another normal may move the nodes by
         // what is a change of forces here.
-        let whole = self.deviation(&a.x, &b.x, &y);
-        let deviation: Vec<f64> = a
-            .capsules
-            .iter()
-            .zip(&b.capsules)
-            .zip(&state.capsules)
-            .map(|((a, b), m)| {
-                let first = (m.a - nalgebra::center(&a.a, &b.a)).norm();
-                first
-                    .max((m.b - nalgebra::center(&a.b, &b.b)).norm())
-                    .max(whole)
-            })
-            .collect();
-        let mut open = Vec::new();
-        for &i in pairs {
-            let pair = &self.scene.pairs[i];
-            let deviation = match pair.primitives {
-                Primitives::Capsules(i, j) => deviation[i] + deviation[j],
-                Primitives::CapsuleObstacle(i, _) => deviation[i],
+        let whole = self.deviation(&a.x, &b.x, x);
+        strays.clear();
+        let capsules = a.capsules.iter().zip(&b.capsules).zip(&state.capsules);
+        strays.extend(capsules.map(|((a, b), m)| {
+            let first = (m.a - nalgebra::center(&a.a, &b.a)).norm();
+            let last = (m.b - nalgebra::center(&a.b, &b.b)).norm();
+            first.max(last).max(whole)
+        }));
+        open.clear();
+        for &doubt in doubts {
+            let pair = &self.scene.pairs[doubt.pair];
+            let stray = match pair.primitives {
+                Primitives::Capsules(i, j) => strays[i] + strays[j],
+                Primitives::CapsuleObstacle(i, _) => strays[i],
                 _ => 0.0,
             };
             // Who returns to the manifold another way finds another middle, which may
             // stray farther from the straight line than this one.
-            let room = if robust {
-                STRAY_FACTOR * deviation
-            } else {
-                0.0
-            };
-            if self.scene.contact(pair, &state).clearance < self.least + room {
+            let room = if robust { STRAY_FACTOR * stray } else { 0.0 };
+            let clearance = self.scene.contact(pair, state).clearance;
+            if clearance < self.least + room {
                 return false;
             }
-            let slack = self.least + DEVIATION_FACTOR * deviation;
+            let slack = self.least + DEVIATION_FACTOR * stray;
             if !self.scene.is_swept_clear(pair, a, b, slack) {
-                open.push(i);
+                open.push((doubt, clearance));
             }
         }
         if open.is_empty() {
             return true;
         }
-        if halvings == 0 {
+        if middles.is_empty() {
             return false;
         }
-        [((a, &state), [s[0], middle]), ((&state, b), [middle, s[1]])]
-            .into_iter()
-            .all(|(states, s)| {
-                let room = if robust { 0.5 * whole } else { 0.0 };
-                let left = self.not_clear_by_displacement(&open, states, self.least + room);
-                left.is_empty()
-                    || self.is_clear_between(&left, states, s, between, halvings - 1, robust)
-            })
-    }
-
-    /// The pairs whose clearances at two states do not cover the motion between.
-    fn not_clear_by_displacement(
-        &self,
-        pairs: &[usize],
-        (a, b): (&State, &State),
-        least: f64,
-    ) -> Vec<usize> {
-        let moved = displacements(a, b);
-        pairs
-            .iter()
-            .copied()
-            .filter(|&i| {
-                let pair = &self.scene.pairs[i];
-                let clearance =
-                    self.scene.contact(pair, a).clearance + self.scene.contact(pair, b).clearance;
-                let moved = self.scene.displacement(pair, &moved, a, b);
-                clearance - 2.0 * least <= CURVATURE_FACTOR * moved
-            })
-            .collect()
+        let room = if robust { 0.5 * whole } else { 0.0 };
+        let state = &*state;
+        let halves = [((a, state), [s[0], middle]), ((state, b), [middle, s[1]])];
+        halves.into_iter().enumerate().all(|(half, (states, s))| {
+            let least = self.least + room;
+            self.scene.displacements(states.0, states.1, moved);
+            left.clear();
+            left.extend(open.iter().filter_map(|&(mut doubt, clearance)| {
+                doubt.clearances[1 - half] = clearance;
+                let pair = &self.scene.pairs[doubt.pair];
+                let sum = self.scene.displacement(pair, moved);
+                let moved = self
+                    .scene
+                    .relative_displacement(pair, sum, states.0, states.1);
+                let [first, last] = doubt.clearances;
+                (first + last - 2.0 * least <= moved).then_some(doubt)
+            }));
+            left.is_empty() || self.is_clear_between(left, states, s, between, middles, robust)
+        })
     }
 
     /// How far the middle of the motion from `a` to `b` lies off the straight line
@@ -832,10 +939,30 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         &self,
         a: &[f64],
         b: &[f64],
+        middle: &mut [f64],
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
     ) -> Option<f64> {
-        let mut y = vec![0.0; a.len()];
-        between(0.5, &mut y).then(|| self.deviation(a, b, &y))
+        between(0.5, middle).then(|| self.deviation(a, b, middle))
+    }
+
+    /// Whether forces vary nearly linearly from `a` to `b`. Of short elements force
+    /// density and force do not do so both, and who knows forces only finds another
+    /// middle than who follows densities.
+    fn forces_are_linear(&self, a: &[f64], b: &[f64], middle: &[f64]) -> bool {
+        let force = |e: usize, x: &[f64]| self.manifold.quantity(ElementQuantity::Force(e), x);
+        let elements = || 0..self.manifold.structure().elements.len();
+        let largest = elements()
+            .filter_map(|e| force(e, a))
+            .fold(0.0, |largest: f64, f| largest.max(f.abs()));
+        elements().all(|e| {
+            let forces = (force(e, a), force(e, b), force(e, middle));
+            let (Some(a), Some(b), Some(between)) = forces else {
+                return true;
+            };
+            let length = self.manifold.quantity(ElementQuantity::Length(e), middle);
+            let deviation = (between - 0.5 * (a + b)).abs() * self.size;
+            deviation <= FORCE_DEVIATION * largest * length.unwrap_or(self.size)
+        })
     }
 
     fn deviation(&self, a: &[f64], b: &[f64], middle: &[f64]) -> f64 {
@@ -848,7 +975,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         self.size * square.sqrt()
     }
 
-    /// [`Validity::step`] and [`Validity::robust_step`].
+    /// [`Validity::step`] and its variants.
     fn test(
         &self,
         from: &Memory,
@@ -856,68 +983,94 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         to: &mut Memory,
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
         violated: &mut Vec<usize>,
-        robust: bool,
+        rigour: Rigour,
     ) -> Result<(), Obstruction> {
-        if self.scene.pairs.is_empty() {
+        let robust = rigour == Rigour::Robust;
+        if self.scene.pairs.is_empty() && !robust {
             return Ok(());
         }
-        self.place(x, &mut to.state);
-        let moved = displacements(&from.state, &to.state);
-        let mut doubtful = Vec::new();
+        let Memory {
+            state,
+            bounds,
+            scratch,
+        } = to;
+        let Scratch {
+            moved,
+            doubts,
+            middles,
+            ..
+        } = scratch;
+        middles.resize_with(HALVINGS + 1, || self.middle());
+        self.place(x, state);
+        let state = &*state;
+        let states = (&from.state, state);
+        self.scene.displacements(&from.state, state, moved);
+        doubts.clear();
         // Others may find the middle as far off again as it is from the straight line.
         let least = if robust {
-            match self.stray(&from.state.x, x, between) {
-                Some(stray) => self.least + DEVIATION_FACTOR * stray,
-                None => return Err(Obstruction::Blocked),
+            let middle = &mut middles[0].x;
+            match self.stray(&from.state.x, x, middle, between) {
+                Some(stray) if self.forces_are_linear(&from.state.x, x, middle) => {
+                    self.least + DEVIATION_FACTOR * stray
+                }
+                _ => return Err(Obstruction::Blocked),
             }
         } else {
             self.least
         };
-        for (i, (pair, (&before, after))) in self
-            .scene
-            .pairs
-            .iter()
-            .zip(from.bounds.iter().zip(&mut to.bounds))
-            .enumerate()
-        {
-            let moved = CURVATURE_FACTOR
-                * self
-                    .scene
-                    .displacement(pair, &moved, &from.state, &to.state);
+        let bounds = from.bounds.iter().zip(bounds);
+        for (i, (pair, (&before, after))) in self.scene.pairs.iter().zip(bounds).enumerate() {
+            let sum = self.scene.displacement(pair, moved);
+            *after = before - sum;
+            if *after > least {
+                continue;
+            }
+            let moved = self
+                .scene
+                .relative_displacement(pair, sum, &from.state, state);
             *after = before - moved;
             if *after > least {
                 continue;
             }
-            let clearance = self.scene.contact(pair, &to.state).clearance;
+            let bound = self.scene.lower_bound(pair, state);
+            if bound - moved > least {
+                *after = bound;
+                continue;
+            }
+            let clearance = self.scene.contact(pair, state).clearance;
             *after = clearance;
             if clearance < self.least {
                 violated.push(i);
             } else if clearance - moved <= least && before + clearance - 2.0 * least <= moved {
-                doubtful.push(i);
+                // The bound of the clearance at the start may be much too low.
+                let before = self.scene.contact(pair, &from.state).clearance;
+                if before + clearance - 2.0 * least <= moved
+                    && !(rigour == Rigour::Tree
+                        && self.scene.is_swept_clear(
+                            pair,
+                            &from.state,
+                            state,
+                            self.least + PROBABLE_STRAY * moved,
+                        ))
+                {
+                    doubts.push(Doubt {
+                        pair: i,
+                        clearances: [before, clearance],
+                    });
+                }
             }
         }
         if !violated.is_empty() {
             return Err(Obstruction::Contacts);
         }
-        if doubtful.is_empty() {
-            return Ok(());
-        }
-        let states = (&from.state, &to.state);
-        let doubtful = self.not_clear_by_displacement(&doubtful, states, least);
-        if doubtful.is_empty()
-            || self.is_clear_between(&doubtful, states, [0.0, 1.0], between, HALVINGS, robust)
+        if doubts.is_empty()
+            || self.is_clear_between(doubts, states, [0.0, 1.0], between, middles, robust)
         {
             Ok(())
         } else {
             Err(Obstruction::Blocked)
         }
     }
-}
-
-/// The largest displacement of each capsule.
-fn displacements(a: &State, b: &State) -> Vec<f64> {
-    let moved = |(a, b): (&Capsule, &Capsule)| (b.a - a.a).norm().max((b.b - a.b).norm());
-    a.capsules.iter().zip(&b.capsules).map(moved).collect()
 }
 
 impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
@@ -927,6 +1080,7 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
         Memory {
             state: self.scene.state(self.manifold.structure().nodes.len()),
             bounds: vec![f64::NEG_INFINITY; self.scene.pairs.len()],
+            scratch: Scratch::default(),
         }
     }
 
@@ -943,7 +1097,18 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
         violated: &mut Vec<usize>,
     ) -> Result<(), Obstruction> {
-        self.test(from, x, to, between, violated, false)
+        self.test(from, x, to, between, violated, Rigour::Exact)
+    }
+
+    fn tree_step(
+        &self,
+        from: &Memory,
+        x: &[f64],
+        to: &mut Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+        violated: &mut Vec<usize>,
+    ) -> Result<(), Obstruction> {
+        self.test(from, x, to, between, violated, Rigour::Tree)
     }
 
     fn robust_step(
@@ -953,17 +1118,28 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
         to: &mut Memory,
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
     ) -> bool {
-        self.test(from, x, to, between, &mut Vec::new(), true)
+        self.test(from, x, to, between, &mut Vec::new(), Rigour::Robust)
             .is_ok()
     }
 
-    fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {
-        let mut gradients = Vec::with_capacity(6);
-        let clearance = self.gradients_of(contact, &self.state(x), &mut gradients)?;
-        for (_, gradient) in &mut gradients {
+    fn contact(
+        &self,
+        contact: usize,
+        x: &[f64],
+        memory: &mut Self::Memory,
+        row: &mut SparseRow,
+    ) -> Option<f64> {
+        let Memory { state, scratch, .. } = memory;
+        let gradients = &mut scratch.gradients;
+        if state.x != x {
+            self.place(x, state);
+        }
+        gradients.clear();
+        let clearance = self.gradients_of(contact, state, gradients)?;
+        for (_, gradient) in &mut *gradients {
             *gradient /= self.size;
         }
-        self.manifold.pull_back(x, &gradients, row);
+        self.manifold.pull_back(x, gradients, row);
         Some((clearance - self.least) / self.size)
     }
 

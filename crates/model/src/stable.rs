@@ -151,6 +151,22 @@ impl<M: EquilibriumManifold + ?Sized, V: Validity> Validity for Stable<'_, M, V>
         }
     }
 
+    fn tree_step(
+        &self,
+        from: &Self::Memory,
+        x: &[f64],
+        to: &mut Self::Memory,
+        between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
+        violated: &mut Vec<usize>,
+    ) -> Result<(), Obstruction> {
+        self.inner.tree_step(from, x, to, between, violated)?;
+        if self.is_stable(x) {
+            Ok(())
+        } else {
+            Err(Obstruction::Blocked)
+        }
+    }
+
     fn robust_step(
         &self,
         from: &Self::Memory,
@@ -161,8 +177,14 @@ impl<M: EquilibriumManifold + ?Sized, V: Validity> Validity for Stable<'_, M, V>
         self.inner.robust_step(from, x, to, between) && self.is_stable_step(x, between)
     }
 
-    fn contact(&self, contact: usize, x: &[f64], row: &mut SparseRow) -> Option<f64> {
-        self.inner.contact(contact, x, row)
+    fn contact(
+        &self,
+        contact: usize,
+        x: &[f64],
+        memory: &mut Self::Memory,
+        row: &mut SparseRow,
+    ) -> Option<f64> {
+        self.inner.contact(contact, x, memory, row)
     }
 
     /// Those inside, and stability as one more: what the smallest stiffness has

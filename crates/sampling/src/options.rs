@@ -46,9 +46,13 @@ pub struct PlannerOptions {
     pub limit_margin: f64,
     /// Clearance at which a sliding branch aims.
     pub contact_margin: f64,
-    /// Charts after which planning is given up.
+    /// Tree nodes after which the search starts anew, with a fifth more each time:
+    /// the times that random trees take have a heavy tail, and another attempt is
+    /// often faster than an unlucky one.
+    pub restart_nodes: usize,
+    /// Charts, of all attempts, after which planning is given up.
     pub max_charts: usize,
-    /// Tree nodes after which planning is given up.
+    /// Tree nodes, of all attempts, after which planning is given up.
     pub max_nodes: usize,
     /// CPU seconds of the planning thread after which planning is given up.
     pub time_limit: f64,
@@ -68,6 +72,7 @@ impl Default for PlannerOptions {
             slide: true,
             limit_margin: 2e-3,
             contact_margin: 1e-3,
+            restart_nodes: 4_000,
             max_charts: 150_000,
             max_nodes: 250_000,
             time_limit: 600.0,

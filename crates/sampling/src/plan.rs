@@ -30,10 +30,12 @@ pub struct StopCounts {
 pub struct Statistics {
     /// CPU seconds of the planning thread.
     pub seconds: f64,
-    /// Charts in the atlas.
+    /// Charts built.
     pub charts: usize,
-    /// Nodes in the trees.
+    /// Nodes added to trees.
     pub nodes: usize,
+    /// How often the search started anew.
+    pub restarts: usize,
     /// Branches begun.
     pub extensions: usize,
     /// Branches that added a node.

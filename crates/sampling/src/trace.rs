@@ -590,9 +590,13 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity, Q: Quantities> Tracer<'a, M,
                 let mut first: Option<(usize, f64, f64)> = None;
                 for contact in violated {
                     row.clear();
-                    let before = self.validity.contact(contact, &self.x, &mut row);
+                    let before =
+                        self.validity
+                            .contact(contact, &self.x, &mut self.memory, &mut row);
                     row.clear();
-                    let after = self.validity.contact(contact, &self.next, &mut row);
+                    let after =
+                        self.validity
+                            .contact(contact, &self.next, &mut self.next_memory, &mut row);
                     let (before, after) = (before.unwrap_or(0.0), after.unwrap_or(0.0));
                     let factor = if before > after {
                         (before / (before - after)).clamp(0.0, 1.0)

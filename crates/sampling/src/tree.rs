@@ -4,14 +4,13 @@
 //! minus radius is farther than the best node found is skipped. Exact; a query
 //! costs one distance per chart and one per node in the charts nearby.
 
+use tensegra_atlas::PackedPoints;
+
 /// Nodes of one chart.
 #[derive(Clone, Debug)]
 struct Group {
-    center: Vec<f64>,
-    radius: f64,
     members: Vec<u32>,
-    /// Their points, one after the other.
-    points: Vec<f64>,
+    points: PackedPoints,
 }
 
 #[derive(Clone, Debug)]
@@ -20,10 +19,18 @@ pub(crate) struct Tree {
     points: Vec<f64>,
     parents: Vec<u32>,
     charts: Vec<u32>,
+    /// Charts that nodes are or were represented by, and whether a chart is one.
+    used: Vec<usize>,
+    is_used: Vec<bool>,
     groups: Vec<Group>,
+    /// Centres of the groups, and how far their members lie from them.
+    centers: PackedPoints,
+    radii: Vec<f64>,
     /// Group of each chart of the atlas, `u32::MAX` where there is none.
     group_of_chart: Vec<u32>,
-    order: Vec<(f64, u32)>,
+    /// Scratch: lower bounds of the distances of groups, and distances of members.
+    bounds: Vec<f64>,
+    distances: Vec<f64>,
 }
 
 const NONE: u32 = u32::MAX;
@@ -56,6 +63,7 @@ impl Tree {
     pub(crate) fn new(root: &[f64], chart: usize, center: &[f64]) -> Self {
         let mut tree = Self::empty(root.len());
         tree.add(root, None, chart, center);
+        tree.use_chart(chart);
         tree
     }
 
@@ -65,9 +73,14 @@ impl Tree {
             points: Vec::new(),
             parents: Vec::new(),
             charts: Vec::new(),
+            used: Vec::new(),
+            is_used: Vec::new(),
             groups: Vec::new(),
+            centers: PackedPoints::new(dimension),
+            radii: Vec::new(),
             group_of_chart: Vec::new(),
-            order: Vec::new(),
+            bounds: Vec::new(),
+            distances: Vec::new(),
         }
     }
 
@@ -87,6 +100,21 @@ impl Tree {
     /// only serves the search for neighbours.
     pub(crate) fn set_chart(&mut self, node: usize, chart: usize) {
         self.charts[node] = chart as u32;
+    }
+
+    /// Charts that nodes are, or were, represented by.
+    pub(crate) fn used_charts(&self) -> &[usize] {
+        &self.used
+    }
+
+    /// Adds a chart to the used ones.
+    pub(crate) fn use_chart(&mut self, chart: usize) {
+        if self.is_used.len() <= chart {
+            self.is_used.resize(chart + 1, false);
+        }
+        if !std::mem::replace(&mut self.is_used[chart], true) {
+            self.used.push(chart);
+        }
     }
 
     pub(crate) fn parent(&self, node: usize) -> Option<usize> {
@@ -112,18 +140,18 @@ impl Tree {
         if self.group_of_chart[chart] == NONE {
             self.group_of_chart[chart] = self.groups.len() as u32;
             self.groups.push(Group {
-                center: center.to_vec(),
-                radius: 0.0,
                 members: Vec::new(),
-                points: Vec::new(),
+                points: PackedPoints::new(self.dimension),
             });
+            self.centers.push(center);
+            self.radii.push(0.0);
         }
-        let group = &mut self.groups[self.group_of_chart[chart] as usize];
-        group.radius = group
-            .radius
-            .max(squared_distance(point, &group.center).sqrt());
+        let group = self.group_of_chart[chart] as usize;
+        let radius = &mut self.radii[group];
+        *radius = radius.max(squared_distance(point, center).sqrt());
+        let group = &mut self.groups[group];
         group.members.push(node as u32);
-        group.points.extend_from_slice(point);
+        group.points.push(point);
         node
     }
 
@@ -134,13 +162,9 @@ impl Tree {
             return;
         }
         let mut whole = std::mem::replace(self, Self::empty(self.dimension));
-        let centers: Vec<Option<Vec<f64>>> = whole
-            .group_of_chart
-            .iter()
-            .map(|&group| {
-                (group != NONE).then(|| std::mem::take(&mut whole.groups[group as usize].center))
-            })
-            .collect();
+        self.used = std::mem::take(&mut whole.used);
+        self.is_used = std::mem::take(&mut whole.is_used);
+        let mut center = vec![0.0; self.dimension];
         let mut group_charts = vec![0; whole.len()];
         for (chart, &group) in whole.group_of_chart.iter().enumerate() {
             if group != NONE {
@@ -156,10 +180,11 @@ impl Tree {
             if old == node || parent == Some(NONE) {
                 continue;
             }
-            let group = group_charts[old];
-            let center = centers[group].as_deref().unwrap_or_default();
+            let chart = group_charts[old];
+            let group = whole.group_of_chart[chart] as usize;
+            whole.centers.copy(group, &mut center);
             let parent = parent.map(|parent| parent as usize);
-            let new = self.add(whole.point(old), parent, group, center);
+            let new = self.add(whole.point(old), parent, chart, &center);
             self.set_chart(new, whole.chart(old));
             numbers[old] = new as u32;
         }
@@ -167,29 +192,37 @@ impl Tree {
 
     /// The node nearest to x, and its distance.
     pub(crate) fn nearest(&mut self, x: &[f64]) -> (usize, f64) {
-        self.order.clear();
-        for (i, group) in self.groups.iter().enumerate() {
-            let bound = squared_distance(x, &group.center).sqrt() - group.radius;
-            self.order.push((bound, i as u32));
-        }
-        // The most promising group first: most others are then skipped.
-        if let Some(first) =
-            (0..self.order.len()).min_by(|&a, &b| self.order[a].0.total_cmp(&self.order[b].0))
-        {
-            self.order.swap(0, first);
+        let Self {
+            groups,
+            centers,
+            radii,
+            bounds,
+            distances,
+            ..
+        } = self;
+        centers.squared_distances(x, bounds);
+        for (bound, radius) in bounds.iter_mut().zip(&*radii) {
+            let distance = (bound.sqrt() - radius).max(0.0);
+            *bound = distance * distance;
         }
         let mut best = (0, f64::INFINITY);
-        for &(bound, group) in &self.order {
-            if bound.max(0.0).powi(2) >= best.1 {
-                continue;
-            }
-            let group = &self.groups[group as usize];
-            let points = group.points.chunks_exact(self.dimension);
-            for (&node, point) in group.members.iter().zip(points) {
-                let distance = squared_distance(x, point);
+        let mut search = |group: &Group, best: &mut (usize, f64)| {
+            group.points.squared_distances(x, distances);
+            for (&node, &distance) in group.members.iter().zip(&*distances) {
                 if distance < best.1 {
-                    best = (node as usize, distance);
+                    *best = (node as usize, distance);
                 }
+            }
+        };
+        // The most promising group first: most others are then skipped.
+        let promising = (0..groups.len()).min_by(|&a, &b| bounds[a].total_cmp(&bounds[b]));
+        if let Some(first) = promising {
+            search(&groups[first], &mut best);
+            bounds[first] = f64::INFINITY;
+        }
+        for (group, &bound) in groups.iter().zip(&*bounds) {
+            if bound < best.1 {
+                search(group, &mut best);
             }
         }
         (best.0, best.1.sqrt())

@@ -5,7 +5,7 @@
 //! orthonormalised. Cost of an iteration: k products with the sparse Jacobian and k m r
 //! multiplications, where a factorisation takes about 2 m r²; two to four iterations.
 
-use super::{Chart, Workspace};
+use super::{Chart, LANES, Workspace, padded};
 use crate::{
     manifold::ImplicitManifold,
     qr::{axpy, dot},
@@ -30,6 +30,7 @@ impl Chart {
         work: &mut Workspace,
     ) -> bool {
         let (m, k) = (x.len(), self.dimension);
+        let stride = padded(m);
         let pattern = manifold.jacobian_pattern();
         work.jacobian.resize(pattern.len(), 0.0);
         manifold.jacobian(x, &mut work.jacobian);
@@ -65,25 +66,19 @@ impl Chart {
             // Four columns at a time: the basis is read and written less often.
             for (columns, products) in self
                 .pseudo_inverse
-                .chunks(4 * m)
-                .zip(work.steps.chunks((4 * k).max(1)))
+                .chunks_exact(LANES * stride)
+                .zip(work.steps.chunks((LANES * k).max(1)))
             {
+                let columns = [0, 1, 2, 3].map(|i| &columns[i * stride..(i + 1) * stride]);
                 for (j, vector) in self.basis.chunks_exact_mut(m).enumerate() {
-                    if columns.len() == 4 * m {
-                        let [p, q, r, s] = [0, 1, 2, 3].map(|i| products[i * k + j]);
-                        let (a, rest) = columns.split_at(m);
-                        let (b, rest) = rest.split_at(m);
-                        let (c, d) = rest.split_at(m);
-                        let columns = a.iter().zip(b).zip(c.iter().zip(d));
-                        for (v, ((a, b), (c, d))) in vector.iter_mut().zip(columns) {
-                            *v -= (p * a + q * b) + (r * c + s * d);
-                        }
-                    } else {
-                        for (column, products) in
-                            columns.chunks_exact(m).zip(products.chunks_exact(k))
-                        {
-                            axpy(-products[j], column, vector);
-                        }
+                    let mut f = [0.0; LANES];
+                    for (f, products) in f.iter_mut().zip(products.chunks_exact(k)) {
+                        *f = products[j];
+                    }
+                    let [a, b, c, d] = columns;
+                    let columns = a.iter().zip(b).zip(c.iter().zip(d));
+                    for (v, ((a, b), (c, d))) in vector.iter_mut().zip(columns) {
+                        *v -= (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
                     }
                 }
             }
@@ -98,6 +93,9 @@ impl Chart {
             }
         }
         self.center.copy_from_slice(x);
+        for (along, vector) in self.center_along.iter_mut().zip(self.basis.chunks_exact(m)) {
+            *along = dot(vector, x);
+        }
         self.jacobian.copy_from_slice(&work.jacobian);
         true
     }

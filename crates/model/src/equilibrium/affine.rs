@@ -7,6 +7,10 @@ pub(super) struct AffineMap {
     offsets: Vec<f64>,
     starts: Vec<usize>,
     entries: Vec<(usize, f64)>,
+    /// The first entry of each row (0 where there is none), and the others with their rows:
+    /// evaluation takes no loop for rows of one entry, which most are.
+    first: Vec<(usize, f64)>,
+    others: Vec<(usize, usize, f64)>,
 }
 
 impl AffineMap {
@@ -15,12 +19,20 @@ impl AffineMap {
             starts: vec![0],
             ..Self::default()
         };
-        for (offset, entries) in rows {
+        for (i, (offset, entries)) in rows.into_iter().enumerate() {
             map.offsets.push(offset);
+            map.first.push(entries.first().copied().unwrap_or((0, 0.0)));
+            let others = entries.iter().skip(1);
+            map.others.extend(others.map(|&(j, c)| (i, j, c)));
             map.entries.extend(entries);
             map.starts.push(map.entries.len());
         }
         map
+    }
+
+    /// Number of rows.
+    pub(super) fn row_count(&self) -> usize {
+        self.offsets.len()
     }
 
     /// The entries of S in row i.
@@ -34,20 +46,18 @@ impl AffineMap {
         self.offsets[i]
     }
 
-    /// The values of all rows at z. Rows with at most one entry, by far most,
-    /// take no loop.
+    /// The values of all rows at z.
     #[inline]
     pub(super) fn values(&self, z: &[f64], values: &mut [f64]) {
-        for ((value, offset), ends) in values
-            .iter_mut()
-            .zip(&self.offsets)
-            .zip(self.starts.windows(2))
-        {
-            *value = match &self.entries[ends[0]..ends[1]] {
-                [] => *offset,
-                [(j, c)] => offset + c * z[*j],
-                entries => entries.iter().fold(*offset, |sum, &(j, c)| sum + c * z[j]),
-            };
+        if z.is_empty() {
+            values.copy_from_slice(&self.offsets);
+            return;
+        }
+        for ((value, offset), &(j, c)) in values.iter_mut().zip(&self.offsets).zip(&self.first) {
+            *value = offset + c * z[j];
+        }
+        for &(i, j, c) in &self.others {
+            values[i] += c * z[j];
         }
     }
 

@@ -70,12 +70,12 @@ pub struct EquationCounts {
 ///     .cable("c4", ["n2", "n4"], 0.0..=3.0, 1.0, 0.0..=2.0)
 ///     .free_flying([3.0, 3.0, 0.0])
 ///     .build()?;
-/// let manifold = DirectionsManifold::new(&structure).map_err(|error| error.to_string())?;
+/// let manifold = DirectionsManifold::new(&structure)?;
 /// let counts = manifold.counts();
 /// assert_eq!((counts.raw_variables, counts.raw_equations), (34, 38));
 /// assert_eq!((counts.variables, counts.equations), (28, 25));
 /// assert_eq!(manifold.variable_name(0), "direction x of s1");
-/// # Ok::<(), String>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct DirectionsManifold {

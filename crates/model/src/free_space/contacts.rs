@@ -9,8 +9,8 @@ use tensegra_collision::{
 };
 
 use super::{
-    CURVATURE_FACTOR, DEVIATION_FACTOR, FreeSpace, Memory, Pair, Primitives, Scene, State,
-    displacements,
+    CURVATURE_FACTOR, DEVIATION_FACTOR, Displacements, FreeSpace, Memory, Pair, Primitives, Scene,
+    State,
 };
 use crate::equilibrium::EquilibriumManifold;
 
@@ -24,13 +24,8 @@ type NodeGradients = Vec<(usize, Vector3<f64>)>;
 
 impl Scene {
     /// A lower bound of the clearance of a pair that costs little.
-    fn lower_bound(&self, pair: &Pair, state: &State) -> f64 {
-        let ball = |s: usize| {
-            let solid = &self.attached[s];
-            let frame = &self.frames[solid.attachment];
-            let center = frame.point(&solid.middle, &state.positions);
-            (center, solid.radius)
-        };
+    pub(super) fn lower_bound(&self, pair: &Pair, state: &State) -> f64 {
+        let ball = |s: usize| (state.middles[s], self.attached[s].radius);
         let as_capsule = |(center, radius): (Point3<f64>, f64)| Capsule {
             a: center,
             b: center,
@@ -71,8 +66,8 @@ impl Scene {
             Primitives::CapsuleObstacle(i, o) => capsule_solid(&ball(i), &self.obstacles[o]),
             Primitives::CapsuleAttached(i, s) => {
                 let solid = &self.attached[s];
-                let pose = self.frames[solid.attachment].pose(&state.positions);
-                capsule_solid_posed(&ball(i), &solid.solid, &pose)
+                let pose = &state.poses[solid.attachment];
+                capsule_solid_posed(&ball(i), &solid.solid, pose)
             }
             _ => return None,
         };
@@ -146,9 +141,9 @@ impl<M: EquilibriumManifold + ?Sized> FreeSpace<'_, M> {
         between: &mut dyn FnMut(f64, &mut [f64]) -> bool,
     ) -> bool {
         let (a, b) = (self.state(a), self.state(b));
-        let reach = displacements(&a, &b)
-            .iter()
-            .fold(0.0, |m: f64, d| m.max(*d));
+        let mut moved = Displacements::default();
+        self.scene.displacements(&a, &b, &mut moved);
+        let reach = moved.capsules.iter().fold(0.0, |m: f64, d| m.max(*d));
         let kept = KEPT * self.least;
         let near: Vec<usize> = (0..self.scene.pairs.len())
             .filter(|&i| {
@@ -177,7 +172,8 @@ impl<M: EquilibriumManifold + ?Sized> FreeSpace<'_, M> {
         halvings: usize,
     ) -> bool {
         let kept = KEPT * self.least;
-        let moved = displacements(a, b);
+        let mut moved = Displacements::default();
+        self.scene.displacements(a, b, &mut moved);
         let open: Vec<usize> = pairs
             .iter()
             .copied()
@@ -185,8 +181,8 @@ impl<M: EquilibriumManifold + ?Sized> FreeSpace<'_, M> {
                 let pair = &self.scene.pairs[i];
                 let clearance =
                     self.scene.contact(pair, a).clearance + self.scene.contact(pair, b).clearance;
-                clearance - 2.0 * kept
-                    <= CURVATURE_FACTOR * self.scene.displacement(pair, &moved, a, b)
+                let sum = self.scene.displacement(pair, &moved);
+                clearance - 2.0 * kept <= self.scene.relative_displacement(pair, sum, a, b)
             })
             .collect();
         if open.is_empty() {

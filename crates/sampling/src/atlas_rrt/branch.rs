@@ -193,10 +193,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     /// Prepares for a branch to go on in another chart.
     pub(super) fn use_chart(&mut self, tree: usize, chart: usize) {
         self.normal_history = 0;
-        let charts = &mut self.charts[tree];
-        if !charts.contains(&chart) {
-            charts.push(chart);
-        }
+        self.trees[tree].use_chart(chart);
     }
 
     /// The last step of an exact branch: straight to the target.

@@ -35,8 +35,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     /// Figures of the search.
     pub(super) fn figures(&self, clock: &ThreadTime) -> Statistics {
         let mut figures = self.statistics;
-        figures.charts = self.atlas.len();
-        figures.nodes = self.trees.iter().map(Tree::len).sum();
+        (figures.charts, figures.nodes) = self.grown();
         figures.projections = self.work.projections;
         figures.chord_iterations = self.work.chord_iterations;
         figures.newton_iterations = self.work.newton_iterations;
@@ -125,12 +124,11 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     }
 
     /// Whether the motion from `here` to x, judged at its middle, keeps to the
-    /// limits and strays little from the straight line.
+    /// limits and strays little from the straight line. The middle remains in `next`.
     fn is_nearly_straight(&mut self, chart: usize, x: &[f64]) -> bool {
         let planner = self.planner;
         let (manifold, tolerance) = (planner.manifold, planner.options.tolerance);
         interpolate(0.5, &self.here.x, x, &mut self.next.x);
-        let straight = self.next.x.clone();
         let chart = self.atlas.chart(chart);
         if chart
             .retract(manifold, &mut self.next.x, tolerance, &mut self.work)
@@ -140,9 +138,40 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         }
         self.violated.clear();
         self.find_violated_limits(BETWEEN);
-        let deviation = squared_distance(&straight, &self.next.x);
+        let ends = self.here.x.iter().zip(x);
+        let deviation: f64 = ends
+            .zip(&self.next.x)
+            .map(|((a, b), middle)| (middle - 0.5 * (a + b)).powi(2))
+            .sum();
         self.violated.is_empty()
             && deviation <= DEVIATION * DEVIATION * squared_distance(&self.here.x, x)
+    }
+
+    /// Whether the step from `here` to x, whose middle is in `next`, is valid for
+    /// whoever knows its ends alone.
+    fn is_robust(&mut self, chart: usize, x: &[f64]) -> bool {
+        let Self {
+            planner,
+            atlas,
+            here,
+            next,
+            memory,
+            next_memory,
+            work,
+            ..
+        } = self;
+        let (options, manifold) = (&planner.options, planner.manifold);
+        let chart = atlas.chart(chart);
+        planner
+            .validity
+            .robust_step(memory, x, next_memory, &mut |s, y| {
+                if s == 0.5 {
+                    y.copy_from_slice(&next.x);
+                    return true;
+                }
+                interpolate(s, &here.x, x, y);
+                chart.retract(manifold, y, options.tolerance, work).is_ok()
+            })
     }
 
     /// Appends `x`, and before it points between the last one (in `here`) and it

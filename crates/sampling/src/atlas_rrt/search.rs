@@ -20,6 +20,8 @@ const DRAWS: usize = 20;
 const CONNECTION_CANDIDATES: usize = 6;
 /// A tree this many times larger than the other one waits.
 const IMBALANCE: usize = 4;
+/// Each attempt may grow this much larger trees than the one before.
+const ATTEMPT_GROWTH: f64 = 1.2;
 /// Extensions in a row without a new node after which planning is given up.
 pub(super) const FRUITLESS: usize = 200_000;
 
@@ -38,12 +40,13 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     begun: bool,
     pub(super) atlas: Atlas,
     pub(super) trees: Vec<Tree>,
-    /// Charts that represent nodes of each tree.
-    pub(super) charts: Vec<Vec<usize>>,
     /// Sampling radius of each chart, when adaptive.
     pub(super) radii: Vec<f64>,
+    start: Vec<f64>,
     pub(super) goal: Vec<f64>,
     pub(super) goal_chart: usize,
+    /// Nodes that the present attempt may have.
+    attempt_nodes: f64,
     pub(super) random: Pcg64,
     pub(super) statistics: Statistics,
     pub(super) work: Workspace,
@@ -73,6 +76,34 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     pub(super) normal_history: usize,
 }
 
+/// An atlas with the charts of start and goal, the trees that begin there, and the
+/// chart of the goal.
+fn begin<M: ImplicitManifold + ?Sized, V: Validity>(
+    planner: &AtlasRrt<'_, M, V>,
+    k: usize,
+    start: &[f64],
+    goal: &[f64],
+    work: &mut Workspace,
+) -> Result<(Atlas, Vec<Tree>, usize), PlanError> {
+    let mut atlas = Atlas::new(k, planner.options.domain);
+    let mut add = |which, x: &[f64]| {
+        atlas
+            .add(planner.manifold, x, work)
+            .map_err(|error| PlanError::Manifold { which, error })
+    };
+    let start_chart = add("start", start)?;
+    let goal_chart = if start == goal {
+        start_chart
+    } else {
+        add("goal", goal)?
+    };
+    let mut trees = vec![Tree::new(start, start_chart, start)];
+    if planner.options.two_trees {
+        trees.push(Tree::new(goal, goal_chart, goal));
+    }
+    Ok((atlas, trees, goal_chart))
+}
+
 impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
     pub(super) fn new(
         planner: &'p AtlasRrt<'p, M, V>,
@@ -80,25 +111,8 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         start: &[f64],
         goal: &[f64],
     ) -> Result<Self, PlanError> {
-        let mut atlas = Atlas::new(k, planner.options.domain);
         let mut work = Workspace::default();
-        let mut add = |which, x: &[f64]| {
-            atlas
-                .add(planner.manifold, x, &mut work)
-                .map_err(|error| PlanError::Manifold { which, error })
-        };
-        let start_chart = add("start", start)?;
-        let goal_chart = if start == goal {
-            start_chart
-        } else {
-            add("goal", goal)?
-        };
-        let mut trees = vec![Tree::new(start, start_chart, start)];
-        let mut charts = vec![vec![start_chart]];
-        if planner.options.two_trees {
-            trees.push(Tree::new(goal, goal_chart, goal));
-            charts.push(vec![goal_chart]);
-        }
+        let (atlas, trees, goal_chart) = begin(planner, k, start, goal, &mut work)?;
         let m = planner.manifold.ambient_dimension();
         let place = || Place {
             x: vec![0.0; m],
@@ -110,10 +124,11 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             begun: false,
             atlas,
             trees,
-            charts,
             radii: Vec::new(),
+            start: start.to_vec(),
             goal: goal.to_vec(),
             goal_chart,
+            attempt_nodes: planner.options.restart_nodes as f64,
             random: Pcg64::seed_from_u64(planner.options.seed),
             statistics: Statistics::default(),
             work,
@@ -139,6 +154,31 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         })
     }
 
+    /// Forgets trees and atlas, and lets the next attempt grow larger ones.
+    fn start_anew(&mut self) {
+        let (charts, nodes) = self.grown();
+        let k = self.atlas.dimension();
+        // It worked before; where it should not, the search goes on.
+        let begun = begin(self.planner, k, &self.start, &self.goal, &mut self.work);
+        if let Ok((atlas, trees, goal_chart)) = begun {
+            self.statistics.charts = charts;
+            self.statistics.nodes = nodes;
+            self.statistics.restarts += 1;
+            (self.atlas, self.trees, self.goal_chart) = (atlas, trees, goal_chart);
+            self.radii.clear();
+        }
+        self.attempt_nodes *= ATTEMPT_GROWTH;
+    }
+
+    /// Charts and nodes of all attempts.
+    pub(super) fn grown(&self) -> (usize, usize) {
+        let nodes: usize = self.trees.iter().map(Tree::len).sum();
+        (
+            self.statistics.charts + self.atlas.len(),
+            self.statistics.nodes + nodes,
+        )
+    }
+
     /// Grows trees until they meet. Returns the nodes where they do: one of the
     /// first tree and, with two trees, one of the second.
     pub(super) fn run(
@@ -160,10 +200,11 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         let mut fruitless = 0;
         for iteration in 0_usize.. {
             if iteration % 16 == 0 {
+                let (charts, nodes) = self.grown();
                 let progress = Progress {
                     seconds: clock.elapsed().as_secs_f64(),
-                    charts: self.atlas.len(),
-                    nodes: self.trees.iter().map(Tree::len).sum(),
+                    charts,
+                    nodes,
                 };
                 if progress.seconds > options.time_limit {
                     return Err(Failure::Time);
@@ -180,6 +221,9 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             }
             if fruitless > FRUITLESS {
                 return Err(Failure::NoProgress);
+            }
+            if self.trees.iter().map(Tree::len).sum::<usize>() as f64 > self.attempt_nodes {
+                self.start_anew();
             }
             turn = self.next_tree(turn);
             let other = 1 - turn;
@@ -230,7 +274,8 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         let k = self.atlas.dimension();
         let mut chart = 0;
         for _ in 0..DRAWS {
-            chart = self.charts[tree][self.random.random_range(0..self.charts[tree].len())];
+            let charts = self.trees[tree].used_charts();
+            chart = charts[self.random.random_range(0..charts.len())];
             let radius = match self.planner.options.sample_radius {
                 SampleRadius::Fixed(radius) => radius,
                 SampleRadius::Adaptive { largest } => {

@@ -36,7 +36,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         } = self;
         let (options, manifold) = (&planner.options, planner.manifold);
         let chart = atlas.chart(chart);
-        planner.validity.step(
+        planner.validity.tree_step(
             memory,
             x,
             next_memory,
@@ -46,27 +46,6 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
             },
             contacts,
         )
-    }
-
-    /// Whether the step from `here` to x is valid by its ends alone.
-    pub(super) fn is_robust(&mut self, chart: usize, x: &[f64]) -> bool {
-        let Self {
-            planner,
-            atlas,
-            here,
-            memory,
-            next_memory,
-            work,
-            ..
-        } = self;
-        let (options, manifold) = (&planner.options, planner.manifold);
-        let chart = atlas.chart(chart);
-        planner
-            .validity
-            .robust_step(memory, x, next_memory, &mut |s, y| {
-                interpolate(s, &here.x, x, y);
-                chart.retract(manifold, y, options.tolerance, work).is_ok()
-            })
     }
 
     /// One step of `wanted`, slid along whatever is in the way, into `next`.
@@ -257,7 +236,11 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         at_next: bool,
     ) -> Option<f64> {
         let planner = self.planner;
-        let x = if at_next { &self.next.x } else { &self.here.x };
+        let (x, memory) = if at_next {
+            (&self.next.x, &mut self.next_memory)
+        } else {
+            (&self.here.x, &mut self.memory)
+        };
         self.gradient.clear();
         let value = match constraint {
             Constraint::Lower(i) => {
@@ -272,7 +255,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
                 planner.manifold.limit_gradient(i, x, &mut self.gradient);
                 planner.manifold.limit(i, x)
             }
-            Constraint::Contact(i) => planner.validity.contact(i, x, &mut self.gradient)?,
+            Constraint::Contact(i) => planner.validity.contact(i, x, memory, &mut self.gradient)?,
         };
         self.atlas.chart(chart).pull_back(
             planner.manifold.jacobian_pattern(),

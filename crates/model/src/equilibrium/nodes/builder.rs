@@ -243,45 +243,25 @@ impl<'a> Builder<'a> {
         let variables = origins.len();
 
         let equations = self.equations(&coordinates);
-        let mut balance = vec![[usize::MAX; 3]; node_count];
-        let mut balance_count = 0;
-        for (rows, node) in balance.iter_mut().zip(&s.nodes) {
-            if node.balanced
-                && self
-                    .links
-                    .iter()
-                    .any(|l| !matches!(l.density, Density::None))
-            {
-                for row in &mut rows[..s.dimension] {
-                    *row = balance_count;
-                    balance_count += 1;
-                }
-            }
-        }
         // A node where no force acts balances by itself.
-        let mut loaded = vec![false; node_count];
-        for link in &self.links {
-            if !matches!(link.density, Density::None) {
-                loaded[link.nodes[0]] = true;
-                loaded[link.nodes[1]] = true;
-            }
+        let mut loaded: Vec<bool> = s.nodes.iter().map(|n| n.load != Vector3::zeros()).collect();
+        let carries = |link: &&Link| !matches!(link.density, Density::None);
+        for link in self.links.iter().filter(carries) {
+            link.nodes.iter().for_each(|&node| loaded[node] = true);
         }
-        let mut renumbered = 0;
-        for (node, rows) in balance.iter_mut().enumerate() {
-            for row in rows.iter_mut().filter(|row| **row != usize::MAX) {
-                if loaded[node] || s.nodes[node].load != Vector3::zeros() {
-                    *row = renumbered;
-                    renumbered += 1;
-                } else {
-                    *row = usize::MAX;
-                }
-            }
+        let forces = self.links.iter().any(|link| carries(&link));
+        let balance: Vec<usize> = (0..node_count)
+            .filter(|&node| forces && s.nodes[node].balanced && loaded[node])
+            .flat_map(|node| (0..s.dimension).map(move |axis| 3 * node + axis))
+            .collect();
+        let mut row_of = vec![None; 3 * node_count];
+        for (row, &coordinate) in balance.iter().enumerate() {
+            row_of[coordinate] = Some(row);
         }
-        balance_count = renumbered;
 
         let (lower, upper, limits) = self.ranges(&coordinates, &densities, variables);
         let mut jacobian = JacobianTerms::new(
-            balance_count + equations.len(),
+            balance.len() + equations.len(),
             &coordinates,
             &densities,
             &self.links,
@@ -293,10 +273,10 @@ impl<'a> Builder<'a> {
             }
             let [a, b] = link.nodes;
             for axis in 0..3 {
-                for (row, sign) in [(balance[a][axis], unit), (balance[b][axis], -unit)] {
-                    if row == usize::MAX {
+                for (node, sign) in [(a, unit), (b, -unit)] {
+                    let Some(row) = row_of[3 * node + axis] else {
                         continue;
-                    }
+                    };
                     // d(q d)/dp and d(q d)/dq.
                     jacobian.by_vector(row, i, axis, Atom::Density, sign);
                     jacobian.by_density(row, i, Atom::Vector(axis), sign);
@@ -309,9 +289,9 @@ impl<'a> Builder<'a> {
             }
         }
         for (i, equation) in equations.iter().enumerate() {
-            self.differentiate(equation, balance_count + i, &mut jacobian);
+            self.differentiate(equation, balance.len() + i, &mut jacobian);
         }
-        let (pattern, atoms, term_starts, terms) = jacobian.finish(variables);
+        let (pattern, atoms, terms) = jacobian.finish(variables);
         Ok(NodesManifold {
             structure: s.clone(),
             size: self.size,
@@ -319,13 +299,12 @@ impl<'a> Builder<'a> {
             force_weight: self.force_weight,
             variables,
             raw_variables: raw,
-            raw_equations: conditions + balance_count + equations.len(),
+            raw_equations: conditions + balance.len() + equations.len(),
             coordinates,
             densities,
             loads: s.nodes.iter().map(|node| node.load.into()).collect(),
             links: std::mem::take(&mut self.links),
             balance,
-            balance_count,
             equations,
             limits,
             lower,
@@ -334,7 +313,6 @@ impl<'a> Builder<'a> {
             origins,
             pattern,
             atoms,
-            term_starts,
             terms,
         })
     }

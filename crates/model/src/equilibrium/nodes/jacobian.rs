@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use tensegra_atlas::SparsityPattern;
 
-use super::{Density, Equation, Link, builder::Builder};
+use super::{Density, Equation, LINK_VALUES, Link, builder::Builder};
 use crate::equilibrium::affine::AffineMap;
 
 /// What an entry of the Jacobian is made of: a function of one link's vector
@@ -108,6 +108,27 @@ impl Builder<'_> {
     }
 }
 
+/// The entries of the Jacobian as sums of multiples of atoms. Most have one term only.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Terms {
+    /// The atom and the factor of the first term of each entry.
+    first: Vec<(u32, f64)>,
+    /// Entry, atom and factor of further terms.
+    others: Vec<(u32, u32, f64)>,
+}
+
+impl Terms {
+    /// Writes the entries for the given values of the atoms.
+    pub(super) fn evaluate(&self, atoms: &[f64], entries: &mut [f64]) {
+        for (entry, &(atom, c)) in entries.iter_mut().zip(&self.first) {
+            *entry = c * atoms[atom as usize];
+        }
+        for &(entry, atom, c) in &self.others {
+            entries[entry as usize] += c * atoms[atom as usize];
+        }
+    }
+}
+
 /// Collects the derivatives of all equations as sums of atoms.
 pub(super) struct JacobianTerms<'a> {
     coordinates: &'a AffineMap,
@@ -141,9 +162,18 @@ impl<'a> JacobianTerms<'a> {
         }
     }
 
+    /// Where the value of an atom will stand: vectors and densities of all links come first.
     fn atom(&mut self, link: usize, atom: Atom) -> u32 {
-        let next = self.atoms.len() as u32;
-        *self.atoms.entry((link, atom)).or_insert(next)
+        let first = LINK_VALUES * link;
+        let index = match atom {
+            Atom::Vector(axis) => first + axis,
+            Atom::Density => first + 3,
+            _ => {
+                let next = LINK_VALUES * self.links.len() + self.atoms.len();
+                return *self.atoms.entry((link, atom)).or_insert(next as u32);
+            }
+        };
+        index as u32
     }
 
     /// The derivative with respect to component `axis` of d = p_b − p_a.
@@ -168,36 +198,26 @@ impl<'a> JacobianTerms<'a> {
     }
 
     #[allow(clippy::type_complexity)]
-    pub(super) fn finish(
-        self,
-        variables: usize,
-    ) -> (
-        SparsityPattern,
-        Vec<(usize, Atom)>,
-        Vec<usize>,
-        Vec<(u32, f64)>,
-    ) {
+    pub(super) fn finish(self, variables: usize) -> (SparsityPattern, Vec<(usize, Atom)>, Terms) {
         let mut atoms = vec![(0, Atom::One); self.atoms.len()];
         for ((link, atom), index) in self.atoms {
-            atoms[index as usize] = (link, atom);
+            atoms[index as usize - LINK_VALUES * self.links.len()] = (link, atom);
         }
         let columns: Vec<Vec<usize>> = self
             .rows
             .iter()
             .map(|row| row.keys().copied().collect())
             .collect();
-        let mut starts = vec![0];
-        let mut terms = Vec::new();
-        for row in self.rows {
-            for (_, entry) in row {
-                terms.extend(entry.into_iter().filter(|(_, c)| *c != 0.0));
-                starts.push(terms.len());
-            }
+        let mut terms = Terms::default();
+        for entry in self.rows.into_iter().flatten().map(|(_, entry)| entry) {
+            let index = terms.first.len() as u32;
+            let mut entry = entry.into_iter().filter(|(_, c)| *c != 0.0);
+            terms.first.push(entry.next().unwrap_or((0, 0.0)));
+            terms.others.extend(entry.map(|(atom, c)| (index, atom, c)));
         }
         (
             SparsityPattern::from_rows(variables, &columns),
             atoms,
-            starts,
             terms,
         )
     }

@@ -31,7 +31,7 @@ use crate::{
     structure::{ForceLaw, Structure},
 };
 use builder::Builder;
-use jacobian::Atom;
+use jacobian::{Atom, Terms};
 
 /// How the force density of a link is known.
 #[derive(Clone, Copy, Debug)]
@@ -129,11 +129,41 @@ impl LinkState {
     }
 }
 
+/// Values of each link that [`Scratch::values`] begins with: d and q.
+const LINK_VALUES: usize = 4;
+
 #[derive(Default)]
 struct Scratch {
     positions: Vec<[f64; 3]>,
-    links: Vec<LinkState>,
-    atoms: Vec<f64>,
+    densities: Vec<f64>,
+    /// Sum of the forces on each node.
+    forces: Vec<[f64; 3]>,
+    /// d and q of one link after the other, then the further atoms of the Jacobian.
+    values: Vec<f64>,
+}
+
+impl Scratch {
+    fn link(&self, link: usize) -> ([f64; 3], f64) {
+        let [x, y, z, q] = self.values.as_chunks::<LINK_VALUES>().0[link];
+        ([x, y, z], q)
+    }
+
+    fn square(&self, link: usize) -> f64 {
+        square(self.link(link).0)
+    }
+
+    fn length(&self, link: usize) -> f64 {
+        self.square(link).sqrt()
+    }
+
+    fn force(&self, link: usize) -> f64 {
+        self.length(link) * self.link(link).1
+    }
+}
+
+#[inline]
+fn square(d: [f64; 3]) -> f64 {
+    d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
 }
 
 thread_local! {
@@ -155,9 +185,8 @@ pub struct NodesManifold {
     densities: AffineMap,
     links: Vec<Link>,
     loads: Vec<[f64; 3]>,
-    /// Equation of each node and axis; `usize::MAX` where there is none.
-    balance: Vec<[usize; 3]>,
-    balance_count: usize,
+    /// The coordinate 3 node + axis along which each equation of force balance holds.
+    balance: Vec<usize>,
     equations: Vec<Equation>,
     limits: Vec<Limit>,
     lower: Vec<f64>,
@@ -166,9 +195,9 @@ pub struct NodesManifold {
     /// What each unknown is: a coordinate 3 node + axis, or a link's density.
     origins: Vec<Origin>,
     pattern: SparsityPattern,
+    /// What the Jacobian is made of besides the vectors and densities of links.
     atoms: Vec<(usize, Atom)>,
-    term_starts: Vec<usize>,
-    terms: Vec<(u32, f64)>,
+    terms: Terms,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -240,15 +269,14 @@ impl NodesManifold {
             }
         };
         let pair = |[a, b]: [usize; 2]| format!("{} and {}", link(a), link(b));
-        if equation < self.balance_count {
-            for (node, rows) in self.balance.iter().enumerate() {
-                if let Some(axis) = rows.iter().position(|&row| row == equation) {
-                    let (axis, node) = (["x", "y", "z"][axis], &self.structure.nodes[node].name);
-                    return format!("force balance of {node} along {axis}");
-                }
-            }
+        if let Some(&coordinate) = self.balance.get(equation) {
+            let node = &self.structure.nodes[coordinate / 3].name;
+            return format!(
+                "force balance of {node} along {}",
+                ["x", "y", "z"][coordinate % 3]
+            );
         }
-        match &self.equations[equation - self.balance_count] {
+        match &self.equations[equation - self.balance.len()] {
             Equation::Length { link: l, length } => format!("length {length} of {}", link(*l)),
             Equation::Pretension { norm, .. } => format!("pretension {norm}"),
             Equation::EqualLengths { links, .. } => format!("coupled lengths of {}", pair(*links)),
@@ -264,15 +292,15 @@ impl NodesManifold {
 
     /// Number of equations of force balance, which come first.
     pub fn balance_count(&self) -> usize {
-        self.balance_count
+        self.balance.len()
     }
 
     /// The unit in which the residual of an equation counts, in the problem's units.
     pub fn equation_unit(&self, equation: usize) -> f64 {
-        if equation < self.balance_count {
+        if equation < self.balance.len() {
             return self.force;
         }
-        match &self.equations[equation - self.balance_count] {
+        match &self.equations[equation - self.balance.len()] {
             Equation::Length { .. }
             | Equation::EqualLengths { .. }
             | Equation::EqualRests { .. } => self.size,
@@ -284,9 +312,9 @@ impl NodesManifold {
 
     /// Whether an equation is about node positions alone: a length or direction, no force.
     pub fn equation_is_geometric(&self, equation: usize) -> bool {
-        equation >= self.balance_count
+        equation >= self.balance.len()
             && matches!(
-                self.equations[equation - self.balance_count],
+                self.equations[equation - self.balance.len()],
                 Equation::Length { .. }
                     | Equation::EqualLengths { .. }
                     | Equation::EqualDirections { .. }
@@ -313,17 +341,38 @@ impl NodesManifold {
 
     fn evaluate_links(&self, x: &[f64], scratch: &mut Scratch) {
         let Scratch {
-            positions, links, ..
+            positions,
+            densities,
+            values,
+            ..
         } = scratch;
         positions.resize(self.structure.nodes.len(), [0.0; 3]);
         self.coordinates.values(x, positions.as_flattened_mut());
-        links.clear();
-        for (i, link) in self.links.iter().enumerate() {
-            let [a, b] = link.nodes;
-            let (pa, pb) = (&positions[a], &positions[b]);
-            let d = [pb[0] - pa[0], pb[1] - pa[1], pb[2] - pa[2]];
-            links.push(self.link_state(i, d, x));
+        densities.resize(self.densities.row_count(), 0.0);
+        self.densities.values(x, densities);
+        values.resize(LINK_VALUES * self.links.len(), 0.0);
+        for (link, values) in self
+            .links
+            .iter()
+            .zip(values.as_chunks_mut::<LINK_VALUES>().0)
+        {
+            let [a, b] = link.nodes.map(|node| positions[node]);
+            let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+            let q = match link.density {
+                Density::None => 0.0,
+                Density::Constant(q) => q,
+                Density::Unknown(row) => densities[row],
+                Density::Spring { stiffness, rest } => {
+                    stiffness * (1.0 - rest / self.spring_length(square(d).sqrt()))
+                }
+            };
+            *values = [d[0], d[1], d[2], q];
         }
+    }
+
+    /// The direction of a spring's force is undefined at length zero.
+    fn spring_length(&self, length: f64) -> f64 {
+        length.max(1e-9 * self.size)
     }
 
     /// The state of one link: what [`Self::evaluate_links`] does for all.
@@ -332,41 +381,41 @@ impl NodesManifold {
         let d = [0, 1, 2].map(|axis| {
             self.coordinates.value(3 * b + axis, x) - self.coordinates.value(3 * a + axis, x)
         });
-        self.link_state(link, d, x)
-    }
-
-    #[inline]
-    fn link_state(&self, link: usize, d: [f64; 3], x: &[f64]) -> LinkState {
-        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-        let (density, slope) = match self.links[link].density {
-            Density::None => (0.0, 0.0),
-            Density::Constant(q) => (q, 0.0),
-            Density::Unknown(row) => (self.densities.value(row, x), 0.0),
+        let length = square(d).sqrt();
+        let density = match self.links[link].density {
+            Density::None => 0.0,
+            Density::Constant(q) => q,
+            Density::Unknown(row) => self.densities.value(row, x),
             Density::Spring { stiffness, rest } => {
-                let length = length.max(1e-9 * self.size);
-                (
-                    stiffness * (1.0 - rest / length),
-                    stiffness * rest / length.powi(3),
-                )
+                stiffness * (1.0 - rest / self.spring_length(length))
             }
         };
         LinkState {
             d,
             length,
             density,
-            slope,
+            slope: self.density_slope(link, length),
         }
     }
 
-    fn evaluate_limit(&self, limit: &Limit, link: &LinkState) -> f64 {
+    /// s = (dq/dl) / l of a link of length l.
+    fn density_slope(&self, link: usize, length: f64) -> f64 {
+        match self.links[link].density {
+            Density::Spring { stiffness, rest } => {
+                stiffness * rest / self.spring_length(length).powi(3)
+            }
+            _ => 0.0,
+        }
+    }
+
+    #[inline]
+    fn evaluate_limit(&self, limit: &Limit, length: f64, density: f64) -> f64 {
         let value = match limit.quantity {
-            Quantity::Length => (link.length - limit.bound) / self.size,
+            Quantity::Length => (length - limit.bound) / self.size,
             Quantity::Rest { stiffness } => {
-                (link.length * (1.0 - link.density / stiffness) - limit.bound) / self.size
+                (length * (1.0 - density / stiffness) - limit.bound) / self.size
             }
-            Quantity::Force => {
-                (link.density * link.length - limit.bound) * self.force_weight / self.force
-            }
+            Quantity::Force => (density * length - limit.bound) * self.force_weight / self.force,
         };
         limit.sign * value
     }
@@ -412,50 +461,42 @@ impl ImplicitManifold for NodesManifold {
     }
 
     fn equation_count(&self) -> usize {
-        self.balance_count + self.equations.len()
+        self.balance.len() + self.equations.len()
     }
 
     fn residual(&self, x: &[f64], residual: &mut [f64]) {
         SCRATCH.with_borrow_mut(|scratch| {
             self.evaluate_links(x, scratch);
-            let (balance, others) = residual.split_at_mut(self.balance_count);
-            for (rows, load) in self.balance.iter().zip(&self.loads) {
-                for (&row, &load) in rows.iter().zip(load) {
-                    if row != usize::MAX {
-                        balance[row] = load / self.force;
-                    }
-                }
-            }
-            let unit = 1.0 / self.force;
-            for (link, state) in self.links.iter().zip(&scratch.links) {
-                if state.density == 0.0 {
-                    continue;
-                }
+            let (balance, others) = residual.split_at_mut(self.balance.len());
+            let Scratch { forces, values, .. } = scratch;
+            forces.clear();
+            forces.extend_from_slice(&self.loads);
+            let states = values.as_chunks::<LINK_VALUES>().0;
+            for (link, [x, y, z, q]) in self.links.iter().zip(states) {
+                let (fx, fy, fz) = (q * x, q * y, q * z);
                 let [a, b] = link.nodes;
-                let q = state.density * unit;
-                for axis in 0..3 {
-                    let force = q * state.d[axis];
-                    let (row_a, row_b) = (self.balance[a][axis], self.balance[b][axis]);
-                    if row_a != usize::MAX {
-                        balance[row_a] += force;
-                    }
-                    if row_b != usize::MAX {
-                        balance[row_b] -= force;
-                    }
-                }
+                let [x, y, z] = forces[a];
+                forces[a] = [x + fx, y + fy, z + fz];
+                let [x, y, z] = forces[b];
+                forces[b] = [x - fx, y - fy, z - fz];
             }
-            let links = &scratch.links;
-            let length = |i: usize| links[i].length;
-            let force = |i: usize| links[i].density * links[i].length;
+            let (unit, forces) = (1.0 / self.force, forces.as_flattened());
+            for (value, &coordinate) in balance.iter_mut().zip(&self.balance) {
+                *value = forces[coordinate] * unit;
+            }
+            let scratch = &*scratch;
+            let length = |i: usize| scratch.length(i);
+            let force = |i: usize| scratch.force(i);
             for (equation, value) in self.equations.iter().zip(others) {
                 *value = match equation {
                     Equation::Length { link, length: l } => {
-                        let d = &links[*link].d;
-                        let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                        (square - l * l) / (2.0 * l * self.size)
+                        (scratch.square(*link) - l * l) / (2.0 * l * self.size)
                     }
                     Equation::Pretension { links, norm } => {
-                        let sum: f64 = links.iter().map(|&i| force(i).powi(2)).sum();
+                        let sum: f64 = links
+                            .iter()
+                            .map(|&i| scratch.square(i) * scratch.link(i).1.powi(2))
+                            .sum();
                         0.5 * (sum / (norm * norm) - 1.0)
                     }
                     Equation::EqualLengths {
@@ -479,8 +520,9 @@ impl ImplicitManifold for NodesManifold {
                         rotation,
                         axis,
                     } => {
-                        let turned: f64 = (0..3).map(|j| rotation[j] * links[*b].d[j]).sum();
-                        links[*a].d[*axis] / length(*a) - turned / length(*b)
+                        let (d, other) = (scratch.link(*a).0, scratch.link(*b).0);
+                        let turned: f64 = (0..3).map(|j| rotation[j] * other[j]).sum();
+                        d[*axis] / length(*a) - turned / length(*b)
                     }
                 };
             }
@@ -494,35 +536,26 @@ impl ImplicitManifold for NodesManifold {
     fn jacobian(&self, x: &[f64], values: &mut [f64]) {
         SCRATCH.with_borrow_mut(|scratch| {
             self.evaluate_links(x, scratch);
-            let Scratch { links, atoms, .. } = scratch;
-            atoms.clear();
-            atoms.extend(self.atoms.iter().map(|&(link, atom)| {
-                let LinkState {
-                    d,
-                    length: l,
-                    density: q,
-                    slope: s,
-                } = links[link];
-                match atom {
+            for &(link, atom) in &self.atoms {
+                let (d, q) = scratch.link(link);
+                let l = square(d).sqrt();
+                let slope = || self.density_slope(link, l);
+                scratch.values.push(match atom {
                     Atom::One => 1.0,
                     Atom::Density => q,
                     Atom::Vector(i) => d[i],
-                    Atom::DensitySlope(i, j) => s * d[i] * d[j],
+                    Atom::DensitySlope(i, j) => slope() * d[i] * d[j],
                     Atom::SquaredForceByDensity => q * l * l,
-                    Atom::SquaredForceByPosition(i) => (q * q + q * l * l * s) * d[i],
+                    Atom::SquaredForceByPosition(i) => (q * q + q * l * l * slope()) * d[i],
                     Atom::Length => l,
-                    Atom::ForceByPosition(i) => (q / l + l * s) * d[i],
+                    Atom::ForceByPosition(i) => (q / l + l * slope()) * d[i],
                     Atom::Direction(i) => d[i] / l,
                     Atom::DirectionByPosition(i, j) => {
                         (f64::from(u8::from(i == j)) - d[i] * d[j] / (l * l)) / l
                     }
-                }
-            }));
-            for (value, range) in values.iter_mut().zip(self.term_starts.windows(2)) {
-                *value = self.terms[range[0]..range[1]]
-                    .iter()
-                    .fold(0.0, |sum, &(atom, c)| sum + c * atoms[atom as usize]);
+                });
             }
+            self.terms.evaluate(&scratch.values, values);
         });
     }
 
@@ -542,7 +575,8 @@ impl ImplicitManifold for NodesManifold {
         SCRATCH.with_borrow_mut(|scratch| {
             self.evaluate_links(x, scratch);
             for (limit, value) in self.limits.iter().zip(values) {
-                *value = self.evaluate_limit(limit, &scratch.links[limit.link]);
+                let length = scratch.length(limit.link);
+                *value = self.evaluate_limit(limit, length, scratch.link(limit.link).1);
             }
         });
     }
@@ -562,7 +596,8 @@ impl ImplicitManifold for NodesManifold {
 
     fn limit(&self, limit: usize, x: &[f64]) -> f64 {
         let limit = &self.limits[limit];
-        self.evaluate_limit(limit, &self.evaluate_link(limit.link, x))
+        let link = self.evaluate_link(limit.link, x);
+        self.evaluate_limit(limit, link.length, link.density)
     }
 
     fn limit_name(&self, limit: usize) -> String {
@@ -590,11 +625,14 @@ impl EquilibriumManifold for NodesManifold {
     }
 
     fn positions(&self, x: &[f64], positions: &mut [Point3<f64>]) {
-        for (node, p) in positions.iter_mut().enumerate() {
-            for axis in 0..3 {
-                p[axis] = self.coordinates.value(3 * node + axis, x);
+        SCRATCH.with_borrow_mut(|scratch| {
+            let found = &mut scratch.positions;
+            found.resize(self.structure.nodes.len(), [0.0; 3]);
+            self.coordinates.values(x, found.as_flattened_mut());
+            for (position, &found) in positions.iter_mut().zip(&*found) {
+                *position = Point3::from(found);
             }
-        }
+        });
     }
 
     fn pull_back(&self, _: &[f64], gradients: &[(usize, Vector3<f64>)], row: &mut SparseRow) {
@@ -625,27 +663,26 @@ impl EquilibriumManifold for NodesManifold {
         SCRATCH.with_borrow_mut(|scratch| {
             self.evaluate_links(x, scratch);
             let elements = &self.structure.elements;
-            let states = &scratch.links[..elements.len()];
-            let force = |state: &LinkState| state.density * state.length;
+            let lengths: Vec<f64> = (0..elements.len()).map(|e| scratch.length(e)).collect();
             Configuration {
                 positions: scratch.positions.iter().map(|&p| Point3::from(p)).collect(),
-                lengths: states.iter().map(|state| state.length).collect(),
                 rest_lengths: elements
                     .iter()
-                    .zip(states)
-                    .map(|(element, state)| match element.law {
+                    .enumerate()
+                    .map(|(e, element)| match element.law {
                         ForceLaw::Linear { rest, .. } if rest.is_constant() => Some(rest.lo),
                         ForceLaw::Linear { stiffness, .. } => {
-                            Some(state.length - force(state) / stiffness)
+                            Some(lengths[e] - scratch.force(e) / stiffness)
                         }
                         _ => None,
                     })
                     .collect(),
                 forces: elements
                     .iter()
-                    .zip(states)
-                    .map(|(element, state)| element.carries_force().then(|| force(state)))
+                    .enumerate()
+                    .map(|(e, element)| element.carries_force().then(|| scratch.force(e)))
                     .collect(),
+                lengths,
             }
         })
     }
