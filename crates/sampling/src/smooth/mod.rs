@@ -7,9 +7,9 @@
 //! coordinates of every point (k each) in a chart of its own. It solves the
 //! quadratic programme with
 //!
-//! - the energy's Hessian in these coordinates, block-tridiagonal and always
-//!   positive definite (the curvature of the manifold is left out: it would
-//!   only matter for the last digits),
+//! - the energy's Hessian in these coordinates, block-tridiagonal and positive
+//!   definite, and second derivatives of the Lagrangian at each point, as far as
+//!   the whole stays so,
 //! - a box on all unknowns, the trust region,
 //! - bounds, limits and contacts linearised, at the points and at fractions of
 //!   the segments between them, where each touches the two neighbours alone;
@@ -278,17 +278,21 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
         let mut radius = FINE_RADIUS * options.trust_radius;
         let mut blocked = Vec::new();
         for round in 0..=options.max_rounds {
+            // The first fine mesh is rarely the last one.
+            let rough = round == 0 && options.max_rounds > 0;
+            let goal = if rough { 3.0 } else { 1.0 } * options.optimality;
             relaxed = relaxation
                 .relax(
                     &mut chain,
-                    [options.optimality, radius],
+                    [goal, radius],
                     options.fine_iterations,
                     &mut report,
                 )
                 .ok_or(SmoothError::Cancelled)?;
             let split = chain.split(self.manifold, self.validity, step, displacement);
             blocked = relaxation.blocked(&chain);
-            let done = split == 0 && blocked.is_empty() && relaxed.violation == 0.0;
+            let fine = !rough || relaxed.optimality <= options.optimality;
+            let done = fine && split == 0 && blocked.is_empty() && relaxed.violation == 0.0;
             if done || round == options.max_rounds {
                 break;
             }

@@ -25,6 +25,10 @@ const REACH: f64 = 2.0;
 /// Shares of the negative curvature that are tried, the largest that leaves the
 /// model convex is taken.
 const NEGATIVE_SHARES: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
+/// How often a programme is solved with more and more of its rows.
+const SOLVES: usize = 3;
+/// What a row left out of the programme may be violated by.
+const OVERLOOKED: f64 = 1e-7;
 /// How often a step is tried again with rows found where it ended.
 const CUTTING_ROUNDS: usize = 4;
 
@@ -61,8 +65,10 @@ pub(super) struct Relaxation<'a, M: ?Sized, V: Validity> {
     trial_rows: Rows,
     /// Rows that steps from the same points have met.
     cuts: Vec<Cut>,
-    /// Which of the rows are in the programme.
-    included: Vec<usize>,
+    /// Which rows those of the programme are; none for a cut.
+    included: Vec<Option<usize>>,
+    /// Whether each of the rows is in the programme.
+    is_included: Vec<bool>,
     /// Gradient of the energy at each inner point, m values each.
     pulls: Vec<f64>,
     /// Forces of active inequalities on each inner point, m values each; empty
@@ -105,6 +111,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             trial_rows: Rows::default(),
             cuts: Vec::new(),
             included: Vec::new(),
+            is_included: Vec::new(),
             pulls: Vec::new(),
             pushes: Vec::new(),
             curvature: Curvature::default(),
@@ -175,7 +182,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             self.assemble(chain, radius);
             self.add_curvature(chain);
             let shortfall = self.rows.shortfall();
-            if self.solver.solve(&self.qp).is_err() {
+            if !self.solve(chain) {
                 break;
             }
             // A price that buys no way out of violations is too low.
@@ -251,7 +258,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
                 refused += 1;
                 if reached && refused <= CUTTING_ROUNDS {
                     self.add_cuts(chain);
-                    radius = 0.8 * moved;
+                    radius = if gain > -1.0 { 0.8 } else { 0.5 } * moved;
                 } else {
                     radius = 0.4 * moved;
                 }
@@ -302,13 +309,44 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
         }
         let price = self.price;
         self.included.clear();
+        self.is_included.clear();
+        self.is_included.resize(self.rows.len(), false);
         self.rows.for_each_tangent(chain, radius, |index, row| {
-            self.included.push(index);
+            self.included.push(Some(index));
+            self.is_included[index] = true;
             qp.push_row(row.block, row.coefficients, -row.above, price);
         });
         for cut in &self.cuts {
+            self.included.push(None);
             qp.push_row(cut.block, &cut.coefficients, -cut.above, price);
         }
+    }
+
+    /// Solves the programme, and again with the rows left out that the solution
+    /// violates. `false` where it cannot be solved.
+    fn solve(&mut self, chain: &Chain) -> bool {
+        for _ in 0..SOLVES {
+            if self.solver.solve(&self.qp).is_err() {
+                return false;
+            }
+            let (t, k, price) = (self.solver.solution(), chain.dimension, self.price);
+            let (qp, included, is_included) =
+                (&mut self.qp, &mut self.included, &mut self.is_included);
+            let before = included.len();
+            self.rows.for_each(chain, |index, row| {
+                if !is_included[index]
+                    && row.above + dot(row.coefficients, &t[row.block * k..]) < -OVERLOOKED
+                {
+                    is_included[index] = true;
+                    included.push(Some(index));
+                    qp.push_row(row.block, row.coefficients, -row.above, price);
+                }
+            });
+            if self.included.len() == before {
+                return true;
+            }
+        }
+        self.solver.solve(&self.qp).is_ok()
     }
 
     /// Adds second derivatives to the programme, as much of the negative ones as
@@ -365,8 +403,10 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
         let m = chain.points[0].len();
         self.pushes.clear();
         self.pushes.resize(m * chain.charts.len(), 0.0);
-        for (&row, &multiplier) in self.included.iter().zip(self.solver.row_multipliers()) {
-            self.rows.add_gradient(row, multiplier, &mut self.pushes, m);
+        for (row, &multiplier) in self.included.iter().zip(self.solver.row_multipliers()) {
+            if let Some(row) = *row {
+                self.rows.add_gradient(row, multiplier, &mut self.pushes, m);
+            }
         }
     }
 
@@ -430,6 +470,16 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
     }
 }
 
+/// Inner product with several sums, so that it is vectorised.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest = a4.remainder().iter().zip(b4.remainder());
+    let rest: f64 = rest.map(|(a, b)| a * b).sum();
+    for (a, b) in a4.zip(b4) {
+        for i in 0..4 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }

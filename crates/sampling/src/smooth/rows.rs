@@ -10,8 +10,11 @@ use crate::walk::interpolate;
 const TOLERANCE: f64 = 1e-7;
 /// What a value falls short of its margin counts little up to this part of it.
 const SOFT: f64 = 0.8;
-/// Steps rarely are longer than this multiple of the trust radius.
-const LONG: f64 = 2.0;
+/// Steps rarely are longer than these multiples of the trust radius: with few
+/// tangent coordinates, where a row too many costs little, and with many.
+const LONG: [f64; 2] = [2.0, 0.5];
+/// The most tangent coordinates that are few.
+const FEW: usize = 4;
 
 /// value ≥ margin, at a fraction of a segment.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +52,11 @@ impl Rows {
         self.gradients.extend_from_slice(gradient);
     }
 
+    /// Number of rows.
+    pub(super) fn len(&self) -> usize {
+        self.heads.len()
+    }
+
     /// Σ of what the values fall short of their margins.
     pub(super) fn shortfall(&self) -> f64 {
         self.heads
@@ -81,8 +89,8 @@ impl Rows {
             .fold(0.0, |most: f64, head| most.max(-head.value))
     }
 
-    /// Calls `each` with every row that a step in the box |t| ≤ `radius`, and not
-    /// much longer than that, can violate.
+    /// Calls `each` with the rows that a step in the box |t| ≤ `radius`, and not
+    /// longer than is usual, can violate.
     pub(super) fn for_each_tangent(
         &self,
         chain: &Chain,
@@ -91,7 +99,8 @@ impl Rows {
     ) {
         self.for_each(chain, |index, row| {
             let most: f64 = row.coefficients.iter().map(|a| a.abs()).sum();
-            let long = LONG * row.coefficients.iter().map(|a| a * a).sum::<f64>().sqrt();
+            let long = LONG[usize::from(chain.dimension > FEW)]
+                * row.coefficients.iter().map(|a| a * a).sum::<f64>().sqrt();
             if row.above <= radius * most.min(long) {
                 each(index, row);
             }
@@ -128,7 +137,8 @@ impl Rows {
         }
     }
 
-    fn for_each(&self, chain: &Chain, mut each: impl FnMut(usize, TangentRow<'_>)) {
+    /// Calls `each` with every row.
+    pub(super) fn for_each(&self, chain: &Chain, mut each: impl FnMut(usize, TangentRow<'_>)) {
         let k = chain.dimension;
         let mut coefficients = vec![0.0; 2 * k];
         let ends = self.heads.iter().skip(1).map(|head| head.start);
