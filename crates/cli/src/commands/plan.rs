@@ -352,6 +352,7 @@ fn statistics_json(s: &Statistics, planning_seconds: f64) -> Value {
         "planning_seconds": planning_seconds,
         "charts": s.charts,
         "nodes": s.nodes,
+        "restarts": s.restarts,
         "extensions": s.extensions,
         "productive_extensions": s.productive_extensions,
         "projections": s.projections,
@@ -508,6 +509,9 @@ fn print_statistics(s: &Statistics) {
         "search             {} charts, {} nodes, {} branches ({} productive)",
         s.charts, s.nodes, s.extensions, s.productive_extensions
     );
+    if s.restarts > 0 {
+        println!("restarts           {}", s.restarts);
+    }
     let reasons: Vec<String> = stops(&s.stops)
         .iter()
         .filter(|(_, count)| *count > 0)
