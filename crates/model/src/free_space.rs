@@ -23,7 +23,7 @@ use tensegra_collision::{
 
 use crate::{
     environment::{BadShape, Body, Environment, Role, Shape},
-    equilibrium::{ElementQuantity, EquilibriumManifold},
+    equilibrium::EquilibriumManifold,
     structure::{Attachment, Element, ElementKind, Interval, Structure},
 };
 
@@ -244,6 +244,8 @@ struct Scratch {
     /// Middles of the step, of its halves, and so on.
     middles: Vec<Middle>,
     gradients: Vec<(usize, Vector3<f64>)>,
+    /// Forces and lengths at both ends and in the middle.
+    strengths: [Vec<[f64; 2]>; 3],
 }
 
 #[derive(Clone, Debug)]
@@ -948,20 +950,19 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
     /// Whether forces vary nearly linearly from `a` to `b`. Of short elements force
     /// density and force do not do so both, and who knows forces only finds another
     /// middle than who follows densities.
-    fn forces_are_linear(&self, a: &[f64], b: &[f64], middle: &[f64]) -> bool {
-        let force = |e: usize, x: &[f64]| self.manifold.quantity(ElementQuantity::Force(e), x);
-        let elements = || 0..self.manifold.structure().elements.len();
-        let largest = elements()
-            .filter_map(|e| force(e, a))
-            .fold(0.0, |largest: f64, f| largest.max(f.abs()));
-        elements().all(|e| {
-            let forces = (force(e, a), force(e, b), force(e, middle));
-            let (Some(a), Some(b), Some(between)) = forces else {
-                return true;
-            };
-            let length = self.manifold.quantity(ElementQuantity::Length(e), middle);
-            let deviation = (between - 0.5 * (a + b)).abs() * self.size;
-            deviation <= FORCE_DEVIATION * largest * length.unwrap_or(self.size)
+    fn forces_are_linear(
+        &self,
+        [a, b, middle]: [&[f64]; 3],
+        strengths: &mut [Vec<[f64; 2]>; 3],
+    ) -> bool {
+        for (x, strengths) in [a, b, middle].into_iter().zip(&mut *strengths) {
+            self.manifold.forces_and_lengths(x, strengths);
+        }
+        let [a, b, middle] = strengths;
+        let largest = a.iter().fold(0.0, |most: f64, [f, _]| most.max(f.abs()));
+        let ends = a.iter().zip(&*b);
+        ends.zip(&*middle).all(|(([a, _], [b, _]), [f, length])| {
+            (f - 0.5 * (a + b)).abs() * self.size <= FORCE_DEVIATION * largest * length
         })
     }
 
@@ -998,6 +999,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             moved,
             doubts,
             middles,
+            strengths,
             ..
         } = scratch;
         middles.resize_with(HALVINGS + 1, || self.middle());
@@ -1010,7 +1012,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         let least = if robust {
             let middle = &mut middles[0].x;
             match self.stray(&from.state.x, x, middle, between) {
-                Some(stray) if self.forces_are_linear(&from.state.x, x, middle) => {
+                Some(stray) if self.forces_are_linear([&from.state.x, x, middle], strengths) => {
                     self.least + DEVIATION_FACTOR * stray
                 }
                 _ => return Err(Obstruction::Blocked),

@@ -32,6 +32,18 @@ pub trait EquilibriumManifold: ImplicitManifold {
     /// element has no such quantity.
     fn quantity(&self, quantity: ElementQuantity, x: &[f64]) -> Option<f64>;
 
+    /// Writes the force of every element, 0 where it carries none, and its length.
+    fn forces_and_lengths(&self, x: &[f64], values: &mut Vec<[f64; 2]>) {
+        values.clear();
+        values.extend((0..self.structure().elements.len()).map(|e| {
+            let quantity = |quantity| self.quantity(quantity, x).unwrap_or(0.0);
+            [
+                quantity(ElementQuantity::Force(e)),
+                quantity(ElementQuantity::Length(e)),
+            ]
+        }));
+    }
+
     /// Adds the gradient of an element's quantity to `row`; nothing where the
     /// quantity is constant or the element has none such.
     fn quantity_gradient(&self, quantity: ElementQuantity, x: &[f64], row: &mut SparseRow);

@@ -650,6 +650,22 @@ impl EquilibriumManifold for NodesManifold {
         Some(self.evaluate_link(element, x).value(quantity))
     }
 
+    fn forces_and_lengths(&self, x: &[f64], values: &mut Vec<[f64; 2]>) {
+        SCRATCH.with_borrow_mut(|scratch| {
+            self.evaluate_links(x, scratch);
+            let states = scratch.values.as_chunks::<LINK_VALUES>().0.iter();
+            values.clear();
+            values.extend(
+                states
+                    .take(self.structure.elements.len())
+                    .map(|&[x, y, z, q]| {
+                        let length = square([x, y, z]).sqrt();
+                        [q * length, length]
+                    }),
+            );
+        });
+    }
+
     fn quantity_gradient(&self, quantity: ElementQuantity, x: &[f64], row: &mut SparseRow) {
         if let Some((element, quantity)) = self.resolve(quantity) {
             let state = self.evaluate_link(element, x);
