@@ -386,6 +386,67 @@ fn bad_problems_are_refused_with_their_place() {
 }
 
 #[test]
+fn motions_are_stored_and_used_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let problem = folder.path().join("roll.toml");
+    let motions = folder.path().join("motions.json");
+    let out = folder.path().join("out");
+    let run = |text_of_problem: &str| {
+        std::fs::write(&problem, text_of_problem).unwrap();
+        tensegra(&[
+            "walk",
+            text(&problem),
+            "--motions",
+            text(&motions),
+            "--out",
+            text(&out),
+            "--no-pictures",
+            "--json",
+        ])
+    };
+    let toml = "planner = \"two-tier\"\nwaypoints = [[1.5, 0.5]]\n[robot]\npreset = \"octahedron\"\n\
+                [two_tier]\nrolls = 1\nstarts = 4\n";
+    let first = run(toml);
+    assert!(first.status.success(), "{first:?}");
+    let stored = std::fs::read_to_string(&motions).unwrap();
+    let walk = |report: &Value| (report["cost"].clone(), report["steps"].clone());
+    let first = json(&first);
+
+    // The same walk again, without optimising; a start elsewhere is no obstacle.
+    let again = run(toml);
+    assert!(again.status.success(), "{again:?}");
+    assert_eq!(walk(&json(&again)), walk(&first));
+    let moved = toml.replace("preset", "centre_of_mass = [0.3, -0.2]\npreset");
+    assert_eq!(json(&run(&moved))["solved"], true);
+    assert_eq!(std::fs::read_to_string(&motions).unwrap(), stored);
+
+    // What does not fit is refused, and the file left alone.
+    let cut = &stored[..stored.len() / 2];
+    for (toml, file, reason) in [
+        (toml.replace("octahedron", "k5"), &*stored, "another robot"),
+        (
+            format!("{toml}[limits]\nmax_length = 3.5\n"),
+            &*stored,
+            "max_length",
+        ),
+        (
+            toml.replace("rolls = 1", "rolls = 2"),
+            &*stored,
+            "`rolls` = 1",
+        ),
+        (toml.replace("two-tier", "greedy"), &*stored, "--motions"),
+        (toml.to_owned(), cut, "not a file of motions"),
+    ] {
+        std::fs::write(&motions, file).unwrap();
+        let output = run(&toml);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(message.contains(reason), "{reason} in: {message}");
+        assert_eq!(std::fs::read_to_string(&motions).unwrap(), file);
+    }
+}
+
+#[test]
 fn bad_files_and_flags_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("missing.toml");

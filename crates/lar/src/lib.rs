@@ -91,7 +91,7 @@ pub use plan::{
     PlanWalkError, PlannedWalk, plan_two_tier, plan_walk, plan_walk_timed, primitive_library,
 };
 pub use primitive::{
-    Gait, GaitSearch, Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveFileError,
+    Gait, GaitSearch, MotionFileError, Primitive, PrimitiveAttempt, PrimitiveError,
     PrimitiveOptions, PrimitiveSearch, Relabelling, SequenceRoll, Stance, SupportedMotion,
     SymmetricRobot, SymmetryError, Turn, TurningGait, check_symmetry, extend_primitive,
     find_cheapest_primitive, find_gait, find_primitive, find_turning_gait, relabellings,

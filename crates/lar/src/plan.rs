@@ -182,15 +182,17 @@ pub fn primitive_library(problem: &WalkProblem) -> Result<PrimitiveLibrary, Plan
     Ok(library)
 }
 
-/// Plans a two-tier walk by primitives that were computed before.
+/// Plans a two-tier walk by primitives that were computed before. The time that `clock` tells at
+/// the end of planning, before the check, goes into the statistics.
 ///
 /// # Errors
 /// See [`PlanWalkError`].
 pub fn plan_two_tier(
     problem: &WalkProblem,
     library: &PrimitiveLibrary,
+    clock: &dyn Fn() -> f64,
 ) -> Result<PlannedWalk, PlanWalkError> {
-    let mut planned = plan_with(problem, library, &|| 0.0)?;
+    let mut planned = plan_with(problem, library, clock)?;
     planned.walk = checked(planned.walk);
     Ok(planned)
 }

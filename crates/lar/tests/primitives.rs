@@ -7,8 +7,8 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use tensegra_lar::{
     Limits, Primitive, PrimitiveError, PrimitiveOptions, RobotAtStart, Support, SymmetricRobot,
-    SymmetryError, Turn, check_symmetry, extend_primitive, find_cheapest_primitive, find_gait,
-    find_primitive, solve_primitive, straight_strip, unit_k5,
+    SymmetryError, Turn, TurningGait, check_symmetry, extend_primitive, find_cheapest_primitive,
+    find_gait, find_primitive, find_turning_gait, solve_primitive, straight_strip, unit_k5,
 };
 
 #[test]
@@ -157,7 +157,7 @@ fn primitives_are_placed_mirrored_and_stored() {
     let text = two.to_json();
     let read = Primitive::from_json(&text).unwrap();
     assert_eq!(read.turns(), turns);
-    assert!((read.cost() - two.cost()).abs() < 1e-9);
+    assert_eq!(read.motion(), two.motion());
     let tampered = text.replacen("\"max_length\":4.0", "\"max_length\":1.1", 1);
     assert!(
         Primitive::from_json(&tampered)
@@ -191,6 +191,69 @@ fn primitives_are_placed_mirrored_and_stored() {
         stance
     };
     assert!(one.place(&crooked, 0, false).is_none());
+}
+
+/// A gait as JSON, changed by `edit`, and why it is refused.
+fn refusal(text: &str, edit: impl FnOnce(&mut serde_json::Value)) -> String {
+    let mut value: serde_json::Value = serde_json::from_str(text).unwrap();
+    edit(&mut value);
+    TurningGait::from_json(&value.to_string())
+        .unwrap_err()
+        .to_string()
+}
+
+#[test]
+fn gaits_are_placed_mirrored_and_stored() {
+    let one = known_primitive("octahedron").primitive();
+    let gait = find_turning_gait(&one, &PrimitiveOptions::default()).unwrap();
+    let text = gait.to_json();
+    let read = TurningGait::from_json(&text).unwrap();
+    assert_eq!(read.turn(), gait.turn());
+    assert_eq!(
+        (read.entry(), read.back(), read.exit()),
+        (gait.entry(), gait.back(), gait.exit())
+    );
+
+    // The mirror image of what was read turns right, as cheaply.
+    let symmetric = read.symmetric_robot();
+    let right = symmetric
+        .place(read.turn(), &symmetric.start(), symmetric.side(), true)
+        .unwrap();
+    assert!((read.cost(&right) - read.cost(read.turn())).abs() < 1e-9);
+    assert_ne!(right.configurations[1], read.turn().configurations[1]);
+    let (_, verdict) = check_motion(symmetric, &right);
+    assert!(verdict.valid, "{:?}", verdict.faults.first());
+
+    // Bad files are refused with the reason.
+    let half = &text[..text.len() / 2];
+    assert!(TurningGait::from_json(half).is_err());
+    assert!(
+        Primitive::from_json(&text)
+            .unwrap_err()
+            .to_string()
+            .contains("tensegra-gait")
+    );
+    assert!(TurningGait::from_json(&one.to_json()).is_err());
+    let number = "/motion/turn/5/3/2";
+    assert!(TurningGait::from_json(&text.replacen("4.0", "NaN", 1)).is_err());
+    for (pointer, value, reason) in [
+        (number, serde_json::Value::Null, "invalid type: null"),
+        (number, 0.9.into(), "configuration"),
+        ("/robot/limits/max_length", 1.1.into(), "greatest length"),
+        ("/robot/roles/0", 1.into(), "renaming"),
+        ("/robot/start/0/0", 0.3.into(), "equilateral"),
+    ] {
+        let message = refusal(&text, |file| *file.pointer_mut(pointer).unwrap() = value);
+        assert!(message.contains(reason), "{pointer}: {message}");
+    }
+    let message = refusal(&text, |file| {
+        file["motion"]["turn"].as_array_mut().unwrap().pop();
+    });
+    assert!(message.contains("the end of its turn"), "{message}");
+    let message = refusal(&text, |file| {
+        file["motion"]["entry"].as_array_mut().unwrap().remove(0);
+    });
+    assert!(message.contains("the start of its entry"), "{message}");
 }
 
 #[test]

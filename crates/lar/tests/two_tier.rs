@@ -24,7 +24,7 @@ fn blocks_are_walked_around_and_smoothing_saves_cost() {
     let single = PrimitiveLibrary::new(smoothed.one_roll().clone());
     let mut costs = Vec::new();
     for library in [&smoothed, &single] {
-        let planned = plan_two_tier(&problem, library).unwrap();
+        let planned = plan_two_tier(&problem, library, &|| 0.0).unwrap();
         let verdict = planned.walk.check.as_ref().unwrap();
         assert!(verdict.valid, "{:?}", verdict.faults.first());
         costs.push(planned.walk.statistics.actuation);

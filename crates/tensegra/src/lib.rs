@@ -49,7 +49,10 @@ pub use smoothing::{
     SmoothedPlan, Smoothing, SmoothingError, SmoothingOptions, plan_and_smooth, smooth,
 };
 pub use tracing::{Motion, Trace, TraceError, TraceSetup, TraceStep, TraceStop, Tracer, trace};
-pub use walking::{is_bad_input, plan_walk, read_walk_problem, simulate_walk};
+pub use walking::{
+    StoredMotionsError, is_bad_input, plan_walk, plan_walk_with_motions, read_walk_problem,
+    simulate_walk,
+};
 
 /// What most programs need.
 pub mod prelude {

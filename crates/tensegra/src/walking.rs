@@ -1,11 +1,13 @@
 //! From a walk problem in a file to a walk.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cpu_time::ThreadTime;
+use tensegra_io::{WriteError, write_atomic};
 use tensegra_lar::{
-    DynamicsError, DynamicsOptions, DynamicsReport, PlanWalkError, PlannedWalk, PrimitiveError,
-    TwoTierError, WalkProblem, plan_walk_timed, simulate_motion,
+    DynamicsError, DynamicsOptions, DynamicsReport, MotionFileError, PlanWalkError, PlannedWalk,
+    PrimitiveError, PrimitiveLibrary, TwoTierError, WalkProblem, plan_two_tier, plan_walk_timed,
+    primitive_library, simulate_motion,
 };
 use tensegra_model::{Finding, ReadErrors, SourceFile};
 
@@ -41,6 +43,71 @@ pub fn read_walk_problem(file: &Path) -> Result<WalkProblem, ReadErrors> {
 pub fn plan_walk(problem: &WalkProblem) -> Result<PlannedWalk, PlanWalkError> {
     let start = ThreadTime::now();
     plan_walk_timed(problem, &|| start.elapsed().as_secs_f64())
+}
+
+/// Why a walk was not planned by stored motions.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StoredMotionsError {
+    /// There are no motions, or no walk.
+    #[error(transparent)]
+    Plan(#[from] PlanWalkError),
+    /// The file cannot be read.
+    #[error("cannot read `{}`: {reason}", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+    /// The file does not hold motions for the problem.
+    #[error(
+        "`{}`: {reason}; give another file, or one that does not exist to optimise anew",
+        file.display()
+    )]
+    Unfit {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        reason: MotionFileError,
+    },
+    /// The motions cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// Plans a two-tier walk by the motions in `file` and checks it. Where there is no such file, the
+/// motions are optimised and written first. The statistics tell the processor time that this and
+/// planning take.
+///
+/// # Errors
+/// See [`StoredMotionsError`].
+pub fn plan_walk_with_motions(
+    problem: &WalkProblem,
+    file: &Path,
+) -> Result<PlannedWalk, StoredMotionsError> {
+    let start = ThreadTime::now();
+    let library = match std::fs::read_to_string(file) {
+        Ok(text) => PrimitiveLibrary::from_json(&text, problem).map_err(|reason| {
+            StoredMotionsError::Unfit {
+                file: file.to_path_buf(),
+                reason,
+            }
+        })?,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let library = primitive_library(problem)?;
+            write_atomic(file, library.to_json(&problem.two_tier).as_bytes())?;
+            library
+        }
+        Err(reason) => {
+            return Err(StoredMotionsError::Unreadable {
+                file: file.to_path_buf(),
+                reason,
+            });
+        }
+    };
+    let clock = || start.elapsed().as_secs_f64();
+    Ok(plan_two_tier(problem, &library, &clock)?)
 }
 
 /// Whether a walk was not planned because the problem does not permit it, rather than because

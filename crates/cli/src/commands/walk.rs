@@ -6,6 +6,7 @@ use std::time::Instant;
 use clap::ValueEnum;
 use serde_json::{Value, json};
 use tensegra::{
+    StoredMotionsError,
     io::{
         LogOptions, TrackingRun, draw_gait, draw_grid_plan, draw_margins, draw_track,
         draw_tracking_error, write_walk_file, write_walk_log,
@@ -40,7 +41,8 @@ const UNIT: &str = "units of length";
     tensegra walk fixtures/lar/two-tier-blocks.toml\n  \
     tensegra walk fixtures/lar/greedy-s.toml --out /tmp/s --json\n  \
     tensegra walk fixtures/lar/two-tier-s.toml --simulate=2,6,12\n  \
-    tensegra walk fixtures/lar/two-tier-s.toml --seeds 1..5\n\n\
+    tensegra walk fixtures/lar/two-tier-s.toml --seeds 1..5\n  \
+    tensegra walk fixtures/lar/two-tier-s.toml --motions octahedron.json\n\n\
     Exit status: 0 solved and accepted by the judge, 1 not, 2 bad input.")]
 pub struct Arguments {
     /// Walk problem (.toml).
@@ -56,6 +58,10 @@ pub struct Arguments {
     /// walk.json and walk.mcap into a folder of its own, without pictures.
     #[arg(long, value_name = "A..B", value_parser = parse_seeds)]
     seeds: Option<(u64, u64)>,
+    /// Walk by the motions in this file, two-tier only; where it does not exist, the motions are
+    /// optimised and written to it, for other goals and obstacles of the same robot.
+    #[arg(long, value_name = "FILE", conflicts_with = "seeds")]
+    motions: Option<PathBuf>,
     /// Run the walk on a robot of 1 kg nodes with length-controlled actuators, a roll in each of
     /// these times, lengths being metres [without times: 2,4,6,8,12].
     #[arg(
@@ -132,6 +138,13 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
                 .to_owned(),
         ));
     }
+    if arguments.motions.is_some() && problem.planner == WalkPlanner::Greedy {
+        return Err(Failure::Message(
+            "the greedy planner has no motions to store; leave out --motions, or give --planner \
+             two-tier"
+                .to_owned(),
+        ));
+    }
     let out = arguments
         .out
         .clone()
@@ -158,7 +171,10 @@ fn plan_one(
     arguments: &Arguments,
 ) -> Result<Outcome, Failure> {
     let spinner = Spinner::steady(&format!("planning {}", problem.name));
-    let result = tensegra::plan_walk(problem);
+    let result = match &arguments.motions {
+        None => tensegra::plan_walk(problem).map_err(StoredMotionsError::from),
+        Some(file) => tensegra::plan_walk_with_motions(problem, file),
+    };
     drop(spinner);
     let outcome = |result| Outcome {
         seed: problem.seed,
@@ -167,11 +183,12 @@ fn plan_one(
     };
     let planned = match result {
         Ok(planned) => planned,
-        Err(error) if tensegra::is_bad_input(&error) => {
+        Err(StoredMotionsError::Plan(error)) if tensegra::is_bad_input(&error) => {
             let file = arguments.problem.display();
             return Err(Failure::Message(format!("{file}: {error}")));
         }
-        Err(error) => return Ok(outcome(Err(error.to_string()))),
+        Err(StoredMotionsError::Plan(error)) => return Ok(outcome(Err(error.to_string()))),
+        Err(error) => return Err(Failure::message(error)),
     };
     let mut simulations = Vec::new();
     if let Some(times) = &arguments.simulate {

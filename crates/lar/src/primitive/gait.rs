@@ -95,14 +95,14 @@ pub struct GaitSearch {
 /// The isometry and renaming that carry a tipping configuration to the next: node i stands at the
 /// image of node `roles[i]`.
 #[derive(Debug, Clone, PartialEq)]
-struct Period {
+pub(super) struct Period {
     map: GroundIsometry,
     roles: Vec<usize>,
 }
 
 impl Period {
     /// The configuration that `coordinates` is carried to.
-    fn image(&self, robot: &Robot, coordinates: &[f64]) -> Vec<f64> {
+    pub(super) fn image(&self, robot: &Robot, coordinates: &[f64]) -> Vec<f64> {
         let mut image = coordinates.to_vec();
         for (node, &role) in self.roles.iter().enumerate() {
             let point = robot.dimension().node(coordinates, role);
@@ -215,11 +215,41 @@ fn glide(symmetric: &SymmetricRobot, sequence: &Sequence<'_>) -> Option<Period> 
 /// roll to the stance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TurningGait {
-    symmetric: SymmetricRobot,
-    entry: SupportedMotion,
-    turn: SupportedMotion,
-    back: Option<SupportedMotion>,
-    exit: SupportedMotion,
+    pub(super) symmetric: SymmetricRobot,
+    pub(super) entry: SupportedMotion,
+    pub(super) turn: SupportedMotion,
+    pub(super) back: Option<SupportedMotion>,
+    pub(super) exit: SupportedMotion,
+}
+
+/// Where the tipping configuration of a gait that can turn is carried.
+pub(super) struct TipImages {
+    /// To itself, mirrored.
+    pub mirror: Period,
+    /// After the roll, to the side on the left.
+    pub left: Period,
+    /// After the roll, to the side come over.
+    pub back: Option<Period>,
+}
+
+impl TipImages {
+    /// None when the roll and the turn do not lead along symmetric stances.
+    pub(super) fn new(symmetric: &SymmetricRobot) -> Option<Self> {
+        let (stances, rolls) = symmetric.sequence(&[Turn::Left])?;
+        let at = |stance: &Stance, side: usize, mirrored: bool| {
+            let map = symmetric.placement(stance, side, mirrored)?;
+            let roles = symmetric.roles_at(stance, &map)?;
+            Some(Period { map, roles })
+        };
+        // The side come over is opposite the node that landed.
+        let mut nodes = stances[1].support.nodes().iter();
+        let came_over = nodes.position(|&node| node == rolls[0].landed);
+        Some(Self {
+            mirror: at(&stances[0], symmetric.side(), true)?,
+            left: at(&stances[1], rolls[1].side, false)?,
+            back: came_over.and_then(|side| at(&stances[1], side, false)),
+        })
+    }
 }
 
 impl TurningGait {
@@ -283,20 +313,12 @@ pub fn find_turning_gait(
     options.validate()?;
     let symmetric = primitive.symmetric_robot();
     let sequence = Sequence::new(symmetric, &[Turn::Left])?;
-    let (stance, roll) = (&sequence.stances[1], &sequence.rolls[1]);
-    let at = |stance: &Stance, side: usize, mirrored: bool| {
-        let map = symmetric.placement(stance, side, mirrored)?;
-        let roles = symmetric.roles_at(stance, &map)?;
-        Some(Period { map, roles })
+    let images = TipImages::new(symmetric).ok_or(PrimitiveError::Sequence)?;
+    let mirror = TipMirror {
+        map: images.mirror.map,
+        partners: images.mirror.roles,
     };
-    let period = at(stance, roll.side, false).ok_or(PrimitiveError::Sequence)?;
-    let mirror = at(&sequence.stances[0], symmetric.side(), true)
-        .map(|Period { map, roles }| TipMirror {
-            map,
-            partners: roles,
-        })
-        .ok_or(PrimitiveError::Sequence)?;
-    let turn = solve_period(primitive, &sequence, &period, Some(&mirror), options)?.motion;
+    let turn = solve_period(primitive, &sequence, &images.left, Some(&mirror), options)?.motion;
 
     let (tip, turned) = (&turn.configurations[0], &turn.configurations[1]);
     let single = Sequence::new(symmetric, &[])?;
@@ -328,14 +350,8 @@ pub fn find_turning_gait(
     };
     let entry = solve(&stance.coordinates, tip, false)?;
     let exit = solve(tip, &next.coordinates, true)?;
-    // The side come over is opposite the node that landed.
-    let came_over = next
-        .support
-        .nodes()
-        .iter()
-        .position(|&node| node == single.rolls[0].landed);
-    let back_tip = came_over
-        .and_then(|side| at(next, side, false))
+    let back_tip = images
+        .back
         .map(|period| period.image(symmetric.robot(), tip));
     let back = match back_tip.map(|back_tip| solve(tip, &back_tip, true)) {
         Some(Ok(motion)) => Some(motion),

@@ -20,7 +20,8 @@ pub use search::{
     solve_primitive,
 };
 pub use sequence::{SequenceRoll, Stance, SymmetricRobot, Turn, straight_strip};
-pub use store::PrimitiveFileError;
+pub use store::MotionFileError;
+pub(crate) use store::{StoredGait, StoredPrimitive, StoredRobot, VERSION, require_format};
 pub use symmetry::{Relabelling, SymmetryError, check_symmetry, relabellings};
 
 /// How motion primitives are computed.

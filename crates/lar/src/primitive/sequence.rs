@@ -221,7 +221,8 @@ impl SymmetricRobot {
     /// A motion that starts from the canonical start, or is relative to it, carried to another
     /// stance, its first roll over `side`; `mirrored` swaps left and right. None when `stance` is
     /// not a symmetric stance of this robot.
-    pub(crate) fn place(
+    #[must_use]
+    pub fn place(
         &self,
         motion: &SupportedMotion,
         stance: &Stance,

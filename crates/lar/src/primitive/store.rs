@@ -1,55 +1,108 @@
-//! Motion primitives in files.
+//! Motion primitives and gaits in files.
 //!
-//! A file holds the robot, the symmetric start and the motion. Everything that can be checked is
-//! checked again on reading, so that a primitive from a file is as good as one computed.
+//! A file holds the robot with its symmetric start, and the motions. Everything that can be
+//! checked is checked again on reading, by the independent check as well, so that a motion from a
+//! file is as good as one computed.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::gait::TipImages;
+use super::sequence::Stance;
 use super::symmetry::relabellings;
-use super::{Primitive, SupportedMotion, SymmetricRobot, Turn};
+use super::{Primitive, SupportedMotion, SymmetricRobot, Turn, TurningGait};
 use crate::{
     Dimension, Graph, GraphError, Limits, Robot, RobotError, Support, SupportError, SymmetryError,
+    Visit, Walk, WalkCheckOptions, WalkContext, WalkFacts, WalkStatistics, check_walk,
 };
 
-const FORMAT: &str = "tensegra-primitive";
-const VERSION: u32 = 1;
+const PRIMITIVE_FORMAT: &str = "tensegra-primitive";
+const GAIT_FORMAT: &str = "tensegra-gait";
+pub(crate) const VERSION: u32 = 1;
 /// Constraints of a stored motion hold to this tolerance.
 const TOLERANCE: f64 = 1e-6;
 
+/// Positions of the nodes at each configuration of a motion.
+type Positions = Vec<Vec<[f64; 3]>>;
+
+/// Looks at the format and version of a file before the rest is read.
+pub(crate) fn require_format(text: &str, expected: &'static str) -> Result<(), MotionFileError> {
+    #[derive(Deserialize)]
+    struct Header {
+        format: String,
+        version: u32,
+    }
+    let Header { format, version } = serde_json::from_str(text)?;
+    if format != expected || version != VERSION {
+        return Err(MotionFileError::Format {
+            format,
+            version,
+            expected,
+        });
+    }
+    Ok(())
+}
+
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PrimitiveFile {
+struct MotionFile<M> {
     format: String,
     version: u32,
+    robot: StoredRobot,
+    motion: M,
+}
+
+/// A [`SymmetricRobot`] as it is stored.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StoredRobot {
     nodes: usize,
     edges: Vec<[usize; 2]>,
     mass_fractions: Vec<f64>,
     limits: Limits,
+    start: Vec<[f64; 3]>,
     support: Vec<usize>,
     side: usize,
     roles: Vec<usize>,
-    turns: Vec<Turn>,
-    rolls: Vec<usize>,
-    configurations: Vec<Vec<[f64; 3]>>,
 }
 
-/// Why a file does not hold a motion primitive.
+/// A [`Primitive`] as it is stored, without its robot.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StoredPrimitive {
+    turns: Vec<Turn>,
+    rolls: Vec<usize>,
+    configurations: Positions,
+}
+
+/// A [`TurningGait`] as it is stored, without its robot.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StoredGait {
+    entry: Positions,
+    turn: Positions,
+    back: Option<Positions>,
+    exit: Positions,
+}
+
+/// Why a file does not hold the motions that it should.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum PrimitiveFileError {
+pub enum MotionFileError {
     /// Not JSON of the expected shape.
-    #[error("not a motion primitive: {0}")]
+    #[error("not a file of motions: {0}")]
     Json(#[from] serde_json::Error),
     /// Another format or version.
     #[error(
-        "the file has format `{format}` version {version}; this reads `{FORMAT}` version {VERSION}"
+        "the file has format `{format}` version {version}; this reads `{expected}` version {VERSION}"
     )]
     Format {
         /// Format found.
         format: String,
         /// Version found.
         version: u32,
+        /// Format expected.
+        expected: &'static str,
     },
     /// The graph is not that of a robot.
     #[error(transparent)]
@@ -75,125 +128,310 @@ pub enum PrimitiveFileError {
         /// What does not fit.
         reason: String,
     },
+    /// The motions are those of another robot than the problem's.
+    #[error("the motions are those of another robot: {what}")]
+    OtherRobot {
+        /// What differs.
+        what: String,
+    },
+    /// The motions were optimised with other options than the problem's.
+    #[error("the motions were optimised with `{key}` = {found}, the problem has {expected}")]
+    OtherOptions {
+        /// Key of the table `two_tier`.
+        key: &'static str,
+        /// Its value in the file.
+        found: String,
+        /// Its value in the problem.
+        expected: String,
+    },
+}
+
+fn unfit(reason: impl Into<String>) -> MotionFileError {
+    MotionFileError::Motion {
+        reason: reason.into(),
+    }
+}
+
+fn positions(configurations: &[Vec<f64>]) -> Positions {
+    configurations
+        .iter()
+        .map(|x| x.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect())
+        .collect()
+}
+
+fn require_same(what: &str, found: &[f64], expected: &[f64]) -> Result<(), MotionFileError> {
+    let off = found
+        .iter()
+        .zip(expected)
+        .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    if off > TOLERANCE {
+        return Err(unfit(format!("{what} is off by {off:.3e}")));
+    }
+    Ok(())
+}
+
+impl StoredRobot {
+    pub(crate) fn of(symmetric: &SymmetricRobot) -> Self {
+        let (robot, start) = (symmetric.robot(), symmetric.start());
+        Self {
+            nodes: robot.graph().num_nodes(),
+            edges: robot.graph().members().to_vec(),
+            mass_fractions: robot.mass_fractions().to_vec(),
+            limits: robot.limits().clone(),
+            start: positions(&[start.coordinates]).concat(),
+            support: start.support.nodes().to_vec(),
+            side: symmetric.side(),
+            roles: symmetric.relabelling().roles().to_vec(),
+        }
+    }
+
+    pub(crate) fn read(self) -> Result<SymmetricRobot, MotionFileError> {
+        let graph = Graph::new(self.nodes, self.edges)?;
+        let robot =
+            Robot::new(graph, Dimension::Three, self.limits)?.with_masses(&self.mass_fractions)?;
+        if self.start.len() != self.nodes {
+            let found = self.start.len();
+            return Err(unfit(format!(
+                "the start has {found} nodes, the robot {}",
+                self.nodes
+            )));
+        }
+        let start = self.start.concat();
+        let support = Support::new(&robot, &self.support)?;
+        if self.side >= support.num_sides() {
+            return Err(unfit(format!("side {} does not exist", self.side)));
+        }
+        let relabelling = relabellings(&robot, &start, &support, self.side, TOLERANCE)?
+            .into_iter()
+            .find(|relabelling| relabelling.roles() == self.roles)
+            .ok_or(MotionFileError::Roles { roles: self.roles })?;
+        let symmetric = SymmetricRobot::new(robot, &start, support, self.side, relabelling)?;
+        Ok(symmetric)
+    }
+}
+
+/// A motion of `symmetric` along `stances` from what a file holds of it, judged.
+fn read_motion(
+    symmetric: &SymmetricRobot,
+    stances: &[Stance],
+    rolls: Vec<usize>,
+    stored: &Positions,
+) -> Result<SupportedMotion, MotionFileError> {
+    let robot = symmetric.robot();
+    let nodes = robot.graph().num_nodes();
+    if rolls.len() + 1 != stances.len()
+        || !rolls.is_sorted_by(|a, b| a < b)
+        || rolls.last().is_some_and(|&roll| roll + 1 >= stored.len())
+        || stored.is_empty()
+    {
+        return Err(unfit(format!(
+            "{} configurations and {} supports with rolls {rolls:?}",
+            stored.len(),
+            stances.len()
+        )));
+    }
+    let farthest = 2.0 * robot.limits().max_length;
+    let mut configurations: Vec<Vec<f64>> = Vec::with_capacity(stored.len());
+    for (index, points) in stored.iter().enumerate() {
+        if points.len() != nodes {
+            return Err(unfit(format!(
+                "configuration {index} has {} nodes, the robot {nodes}",
+                points.len()
+            )));
+        }
+        let configuration = points.concat();
+        let violations = robot.violations(&configuration, TOLERANCE);
+        if let Some((constraint, violation)) = violations.first() {
+            return Err(unfit(format!(
+                "configuration {index} violates the {constraint} by {violation:.3e}"
+            )));
+        }
+        // Certifying a step takes time in proportion to its length.
+        let last = configurations.last().unwrap_or(&configuration);
+        if configuration
+            .iter()
+            .zip(last)
+            .any(|(a, b)| !((a - b).abs() <= farthest))
+        {
+            return Err(unfit(format!("configuration {index} is far from the last")));
+        }
+        configurations.push(configuration);
+    }
+    let motion = SupportedMotion {
+        configurations,
+        supports: stances
+            .iter()
+            .map(|stance| stance.support.clone())
+            .collect(),
+        rolls,
+    };
+    let context = WalkContext {
+        name: "",
+        robot,
+        node_names: &[],
+        waypoints: &[],
+        visit: Visit::Support,
+        obstacles: &[],
+        obstacle_clearance: 0.0,
+    };
+    let walk = Walk::new(&context, &motion, WalkStatistics::default());
+    let verdict = check_walk(&WalkFacts::of(&walk), &walk, &WalkCheckOptions::default());
+    match verdict.faults.first() {
+        Some(fault) => Err(unfit(fault.to_string())),
+        None => Ok(motion),
+    }
+}
+
+impl StoredPrimitive {
+    pub(crate) fn of(primitive: &Primitive) -> Self {
+        Self {
+            turns: primitive.turns.clone(),
+            rolls: primitive.motion.rolls.clone(),
+            configurations: positions(&primitive.motion.configurations),
+        }
+    }
+
+    pub(crate) fn read(self, symmetric: &SymmetricRobot) -> Result<Primitive, MotionFileError> {
+        let (stances, _) = symmetric
+            .sequence(&self.turns)
+            .ok_or_else(|| unfit("its turns do not lead along symmetric stances"))?;
+        let motion = read_motion(symmetric, &stances, self.rolls, &self.configurations)?;
+        let end = stances[stances.len() - 1].clone();
+        let (first, last) = ends(&motion);
+        require_same("its first configuration", first, &stances[0].coordinates)?;
+        require_same("its last configuration", last, &end.coordinates)?;
+        Ok(Primitive {
+            symmetric: symmetric.clone(),
+            turns: self.turns,
+            motion,
+            end,
+        })
+    }
+}
+
+/// First and last configuration of a motion, which has at least one.
+fn ends(motion: &SupportedMotion) -> (&[f64], &[f64]) {
+    let configurations = &motion.configurations;
+    (
+        &configurations[0],
+        &configurations[configurations.len() - 1],
+    )
+}
+
+impl StoredGait {
+    pub(crate) fn of(gait: &TurningGait) -> Self {
+        let stored = |motion: &SupportedMotion| positions(&motion.configurations);
+        Self {
+            entry: stored(&gait.entry),
+            turn: stored(&gait.turn),
+            back: gait.back.as_ref().map(stored),
+            exit: stored(&gait.exit),
+        }
+    }
+
+    pub(crate) fn read(self, symmetric: &SymmetricRobot) -> Result<TurningGait, MotionFileError> {
+        let (stances, _) = symmetric
+            .sequence(&[])
+            .ok_or_else(|| unfit("its roll does not lead to a symmetric stance"))?;
+        let images = TipImages::new(symmetric)
+            .ok_or_else(|| unfit("its turn does not lead to a symmetric stance"))?;
+        let robot = symmetric.robot();
+        let entry = read_motion(symmetric, &stances[..1], Vec::new(), &self.entry)?;
+        let over_roll = |stored| read_motion(symmetric, &stances, vec![0], stored);
+        let turn = over_roll(&self.turn)?;
+        let exit = over_roll(&self.exit)?;
+        let back = self.back.as_ref().map(over_roll).transpose()?;
+
+        let (start, entered) = ends(&entry);
+        let (tip, turned) = ends(&turn);
+        let (leaving, left) = ends(&exit);
+        require_same("the start of its entry", start, &stances[0].coordinates)?;
+        require_same("the end of its entry", entered, tip)?;
+        require_same(
+            "the mirror image of its tipping configuration",
+            &images.mirror.image(robot, tip),
+            tip,
+        )?;
+        require_same(
+            "the end of its turn",
+            turned,
+            &images.left.image(robot, tip),
+        )?;
+        require_same("the start of its exit", leaving, tip)?;
+        require_same("the end of its exit", left, &stances[1].coordinates)?;
+        if let Some(back) = &back {
+            let (first, last) = ends(back);
+            let image = images
+                .back
+                .as_ref()
+                .map(|period| period.image(robot, tip))
+                .ok_or_else(|| unfit("its way back does not lead to a symmetric stance"))?;
+            require_same("the start of its way back", first, tip)?;
+            require_same("the end of its way back", last, &image)?;
+        }
+        Ok(TurningGait {
+            symmetric: symmetric.clone(),
+            entry,
+            turn,
+            back,
+            exit,
+        })
+    }
+}
+
+fn to_json<M: Serialize>(format: &str, symmetric: &SymmetricRobot, motion: M) -> String {
+    let file = MotionFile {
+        format: format.to_owned(),
+        version: VERSION,
+        robot: StoredRobot::of(symmetric),
+        motion,
+    };
+    // Numbers, strings and lists only: nothing in it can fail to be written.
+    serde_json::to_string(&file).unwrap_or_default()
+}
+
+fn from_json<M: serde::de::DeserializeOwned>(
+    format: &'static str,
+    text: &str,
+) -> Result<(SymmetricRobot, M), MotionFileError> {
+    require_format(text, format)?;
+    let file: MotionFile<M> = serde_json::from_str(text)?;
+    Ok((file.robot.read()?, file.motion))
 }
 
 impl Primitive {
     /// The primitive as JSON text.
     #[must_use]
     pub fn to_json(&self) -> String {
-        let robot = self.symmetric.robot();
-        let start = self.symmetric.start();
-        let file = PrimitiveFile {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            nodes: robot.graph().num_nodes(),
-            edges: robot.graph().members().to_vec(),
-            mass_fractions: robot.mass_fractions().to_vec(),
-            limits: robot.limits().clone(),
-            support: start.support.nodes().to_vec(),
-            side: self.symmetric.side(),
-            roles: self.symmetric.relabelling().roles().to_vec(),
-            turns: self.turns.clone(),
-            rolls: self.motion.rolls.clone(),
-            configurations: self
-                .motion
-                .configurations
-                .iter()
-                .map(|x| x.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect())
-                .collect(),
-        };
-        // Numbers, strings and lists only: nothing in it can fail to be written.
-        serde_json::to_string(&file).unwrap_or_default()
+        to_json(PRIMITIVE_FORMAT, &self.symmetric, StoredPrimitive::of(self))
     }
 
     /// Reads a primitive from JSON text.
     ///
     /// # Errors
-    /// See [`PrimitiveFileError`]: besides the form of the file, the symmetry of the start and
-    /// the limits at every configuration are checked.
-    pub fn from_json(text: &str) -> Result<Self, PrimitiveFileError> {
-        let file: PrimitiveFile = serde_json::from_str(text)?;
-        if file.format != FORMAT || file.version != VERSION {
-            let PrimitiveFile {
-                format, version, ..
-            } = file;
-            return Err(PrimitiveFileError::Format { format, version });
-        }
-        let unfit = |reason: String| PrimitiveFileError::Motion { reason };
-        let graph = Graph::new(file.nodes, file.edges)?;
-        let robot =
-            Robot::new(graph, Dimension::Three, file.limits)?.with_masses(&file.mass_fractions)?;
-        let configurations: Vec<Vec<f64>> = file
-            .configurations
-            .iter()
-            .map(|points| points.concat())
-            .collect();
-        for (index, configuration) in configurations.iter().enumerate() {
-            if configuration.len() != robot.num_coordinates() {
-                return Err(unfit(format!(
-                    "configuration {index} has {} nodes, the robot {}",
-                    configuration.len() / 3,
-                    file.nodes
-                )));
-            }
-            let worst = robot
-                .violations(configuration, TOLERANCE)
-                .into_iter()
-                .next();
-            if let Some((constraint, violation)) = worst {
-                return Err(unfit(format!(
-                    "configuration {index} violates the {constraint} by {violation:.3e}"
-                )));
-            }
-        }
-        let (Some(start), Some(last)) = (configurations.first(), configurations.last()) else {
-            return Err(unfit("it has no configurations".to_owned()));
-        };
-        let support = Support::new(&robot, &file.support)?;
-        if file.side >= support.num_sides() {
-            return Err(unfit(format!("side {} does not exist", file.side)));
-        }
-        let relabelling = relabellings(&robot, start, &support, file.side, TOLERANCE)?
-            .into_iter()
-            .find(|relabelling| relabelling.roles() == file.roles)
-            .ok_or(PrimitiveFileError::Roles { roles: file.roles })?;
-        let symmetric = SymmetricRobot::new(robot, start, support, file.side, relabelling)?;
-        let (stances, _) = symmetric
-            .sequence(&file.turns)
-            .ok_or_else(|| unfit("its turns do not lead along symmetric stances".to_owned()))?;
-        let end = stances[stances.len() - 1].clone();
-        if file.rolls.len() + 1 != stances.len()
-            || !file.rolls.is_sorted_by(|a, b| a < b)
-            || file
-                .rolls
-                .last()
-                .is_some_and(|&roll| roll + 1 >= configurations.len())
-        {
-            return Err(unfit(format!(
-                "{} turns with rolls {:?}",
-                file.turns.len(),
-                file.rolls
-            )));
-        }
-        let off = last
-            .iter()
-            .zip(&end.coordinates)
-            .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-        if off > TOLERANCE {
-            return Err(unfit(format!(
-                "it ends {off:.3e} away from the symmetric stance"
-            )));
-        }
-        let supports = stances.into_iter().map(|stance| stance.support).collect();
-        Ok(Self {
-            symmetric,
-            turns: file.turns,
-            motion: SupportedMotion {
-                configurations,
-                supports,
-                rolls: file.rolls,
-            },
-            end,
-        })
+    /// See [`MotionFileError`]: besides the form of the file, the symmetry of the start is
+    /// checked, and the motion by [`check_walk`].
+    pub fn from_json(text: &str) -> Result<Self, MotionFileError> {
+        let (symmetric, stored): (_, StoredPrimitive) = from_json(PRIMITIVE_FORMAT, text)?;
+        stored.read(&symmetric)
+    }
+}
+
+impl TurningGait {
+    /// The gait as JSON text.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        to_json(GAIT_FORMAT, &self.symmetric, StoredGait::of(self))
+    }
+
+    /// Reads a gait from JSON text.
+    ///
+    /// # Errors
+    /// See [`MotionFileError`]: besides the form of the file, the symmetry of the start and of
+    /// the tipping configuration is checked, that the motions of the gait join, and each of them
+    /// by [`check_walk`].
+    pub fn from_json(text: &str) -> Result<Self, MotionFileError> {
+        let (symmetric, stored): (_, StoredGait) = from_json(GAIT_FORMAT, text)?;
+        stored.read(&symmetric)
     }
 }

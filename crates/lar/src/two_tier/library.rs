@@ -14,7 +14,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq)]
 pub struct PrimitiveLibrary {
     primitives: BTreeMap<Vec<bool>, Primitive>,
-    gait: Option<TurningGait>,
+    pub(super) gait: Option<TurningGait>,
 }
 
 /// For each sequence of turns of a library, how its optimisation went.

@@ -9,6 +9,7 @@
 mod grid;
 mod library;
 mod pieces;
+mod store;
 
 use nalgebra::{Point2, Vector3};
 use thiserror::Error;
