@@ -241,7 +241,7 @@ fn gaits_are_placed_mirrored_and_stored() {
         (number, 0.9.into(), "configuration"),
         ("/robot/limits/max_length", 1.1.into(), "greatest length"),
         ("/robot/roles/0", 1.into(), "renaming"),
-        ("/robot/start/0/0", 0.3.into(), "equilateral"),
+        ("/robot/start/0/0", (-0.8).into(), "equilateral"),
     ] {
         let message = refusal(&text, |file| *file.pointer_mut(pointer).unwrap() = value);
         assert!(message.contains(reason), "{pointer}: {message}");
