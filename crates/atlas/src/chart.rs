@@ -17,7 +17,7 @@ mod recenter;
 use crate::{
     error::ManifoldError,
     manifold::{ImplicitManifold, SparseRow, SparsityPattern},
-    qr::{PivotedQr, axpy, dot, vectorised},
+    qr::{LANES, PivotedQr, axpy, dot, vectorised},
 };
 
 /// Rank is lost when the last pivot is below this fraction of the first.
@@ -113,7 +113,7 @@ impl Chart {
         qr.write_null_basis(&mut basis_by_variable);
         let mut pseudo_inverse_by_variable = Vec::with_capacity(m * rank);
         qr.write_pseudo_inverse(pattern, &jacobian, &mut pseudo_inverse_by_variable);
-        let basis = transposed(&basis_by_variable, dimension);
+        let basis = transposed(&basis_by_variable, dimension, 1);
         let vectors = basis.chunks_exact(m);
         Ok(Self {
             center: center.to_vec(),
@@ -122,7 +122,7 @@ impl Chart {
             basis_by_variable,
             dimension,
             rows: qr.independent_rows().iter().map(|&r| r as u32).collect(),
-            pseudo_inverse: padded_columns(&pseudo_inverse_by_variable, rank),
+            pseudo_inverse: transposed(&pseudo_inverse_by_variable, rank, LANES),
             pseudo_inverse_by_variable,
             jacobian,
         })
@@ -413,56 +413,32 @@ impl Chart {
     }
 }
 
-/// Values that the innermost loop of a projection takes at once.
-const LANES: usize = 4;
-
 /// Length of a column with its padding.
 #[inline(always)]
 fn padded(length: usize) -> usize {
     length.next_multiple_of(LANES)
 }
 
-/// y ← y + C f for a few columns C, as long as y each.
+/// y ← y + C f for a few padded columns C; y may be as long or end before the padding.
 #[inline(always)]
 fn add_columns(f: [f64; LANES], columns: &[f64], y: &mut [f64]) {
-    let stride = y.len();
+    let stride = columns.len() / LANES;
     let (first, second) = columns.split_at(2 * stride);
     let ((a, b), (c, d)) = (first.split_at(stride), second.split_at(stride));
-    let columns = [a, b, c, d].map(|column| column.as_chunks::<LANES>().0);
-    let [a, b, c, d] = columns.map(|column| column.iter());
-    for ((((y, a), b), c), d) in y
-        .as_chunks_mut::<LANES>()
-        .0
-        .iter_mut()
-        .zip(a)
-        .zip(b)
-        .zip(c)
-        .zip(d)
-    {
-        for i in 0..LANES {
-            y[i] += (f[0] * a[i] + f[1] * b[i]) + (f[2] * c[i] + f[3] * d[i]);
-        }
+    let pairs = a.iter().zip(b).zip(c.iter().zip(d));
+    for (y, ((a, b), (c, d))) in y.iter_mut().zip(pairs) {
+        *y += (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
     }
 }
 
-/// As [`transposed`], with padded columns, and their number padded.
-fn padded_columns(matrix: &[f64], columns: usize) -> Vec<f64> {
-    let stride = padded(matrix.len() / columns.max(1));
-    let mut padded_columns = vec![0.0; padded(columns) * stride];
-    for (i, row) in matrix.chunks_exact(columns.max(1)).enumerate() {
-        for (column, &v) in padded_columns.chunks_exact_mut(stride).zip(row) {
-            column[i] = v;
-        }
-    }
-    padded_columns
-}
-
-/// A matrix stored row by row, `columns` values each, column by column.
-fn transposed(matrix: &[f64], columns: usize) -> Vec<f64> {
+/// A matrix stored row by row, `columns` values each, column by column; the columns,
+/// and their number, padded with zeros to multiples of `lanes`.
+fn transposed(matrix: &[f64], columns: usize, lanes: usize) -> Vec<f64> {
     let rows = matrix.len() / columns.max(1);
-    let mut transposed = vec![0.0; matrix.len()];
+    let stride = rows.next_multiple_of(lanes);
+    let mut transposed = vec![0.0; columns.next_multiple_of(lanes) * stride];
     for (i, row) in matrix.chunks_exact(columns.max(1)).enumerate() {
-        for (column, &v) in transposed.chunks_exact_mut(rows).zip(row) {
+        for (column, &v) in transposed.chunks_exact_mut(stride).zip(row) {
             column[i] = v;
         }
     }

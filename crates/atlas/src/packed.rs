@@ -1,9 +1,6 @@
 //! Points packed four by four, for distances from one point to many.
 
-use crate::qr::vectorised;
-
-/// Points that one step of a distance computation takes at once.
-const LANES: usize = 4;
+use crate::qr::{LANES, vectorised};
 
 /// A growing set of points of one dimension, stored so that the distances of four of
 /// them from another point are computed at once.

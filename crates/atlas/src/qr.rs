@@ -7,6 +7,9 @@
 
 use crate::manifold::SparsityPattern;
 
+/// Values that the innermost loops over padded vectors take at once.
+pub(crate) const LANES: usize = 4;
+
 /// Runs small dense loops with the widest vectors that the processor has; what they call
 /// must be inlined. The order of operations, and so the result, does not depend on it.
 #[inline(always)]

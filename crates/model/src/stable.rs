@@ -124,6 +124,10 @@ impl<'a, M: EquilibriumManifold + ?Sized, V: Validity> Stable<'a, M, V> {
     }
 }
 
+fn blocked_unless(stable: bool) -> Result<(), Obstruction> {
+    stable.then_some(()).ok_or(Obstruction::Blocked)
+}
+
 impl<M: EquilibriumManifold + ?Sized, V: Validity> Validity for Stable<'_, M, V> {
     type Memory = V::Memory;
 
@@ -144,11 +148,7 @@ impl<M: EquilibriumManifold + ?Sized, V: Validity> Validity for Stable<'_, M, V>
         violated: &mut Vec<usize>,
     ) -> Result<(), Obstruction> {
         self.inner.step(from, x, to, between, violated)?;
-        if self.is_stable_step(x, between) {
-            Ok(())
-        } else {
-            Err(Obstruction::Blocked)
-        }
+        blocked_unless(self.is_stable_step(x, between))
     }
 
     fn tree_step(
@@ -160,11 +160,7 @@ impl<M: EquilibriumManifold + ?Sized, V: Validity> Validity for Stable<'_, M, V>
         violated: &mut Vec<usize>,
     ) -> Result<(), Obstruction> {
         self.inner.tree_step(from, x, to, between, violated)?;
-        if self.is_stable(x) {
-            Ok(())
-        } else {
-            Err(Obstruction::Blocked)
-        }
+        blocked_unless(self.is_stable(x))
     }
 
     fn robust_step(

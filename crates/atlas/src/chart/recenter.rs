@@ -5,10 +5,10 @@
 //! orthonormalised. Cost of an iteration: k products with the sparse Jacobian and k m r
 //! multiplications, where a factorisation takes about 2 m r²; two to four iterations.
 
-use super::{Chart, LANES, Workspace, padded};
+use super::{Chart, Workspace, add_columns, padded};
 use crate::{
     manifold::ImplicitManifold,
-    qr::{axpy, dot},
+    qr::{LANES, axpy, dot},
 };
 
 /// J(x) Φ counts as zero below this: the exponential map corrects what is left.
@@ -30,7 +30,6 @@ impl Chart {
         work: &mut Workspace,
     ) -> bool {
         let (m, k) = (x.len(), self.dimension);
-        let stride = padded(m);
         let pattern = manifold.jacobian_pattern();
         work.jacobian.resize(pattern.len(), 0.0);
         manifold.jacobian(x, &mut work.jacobian);
@@ -66,20 +65,15 @@ impl Chart {
             // Four columns at a time: the basis is read and written less often.
             for (columns, products) in self
                 .pseudo_inverse
-                .chunks_exact(LANES * stride)
+                .chunks_exact(LANES * padded(m))
                 .zip(work.steps.chunks((LANES * k).max(1)))
             {
-                let columns = [0, 1, 2, 3].map(|i| &columns[i * stride..(i + 1) * stride]);
                 for (j, vector) in self.basis.chunks_exact_mut(m).enumerate() {
                     let mut f = [0.0; LANES];
                     for (f, products) in f.iter_mut().zip(products.chunks_exact(k)) {
-                        *f = products[j];
+                        *f = -products[j];
                     }
-                    let [a, b, c, d] = columns;
-                    let columns = a.iter().zip(b).zip(c.iter().zip(d));
-                    for (v, ((a, b), (c, d))) in vector.iter_mut().zip(columns) {
-                        *v -= (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
-                    }
+                    add_columns(f, columns, vector);
                 }
             }
         }

@@ -8,7 +8,7 @@ use tensegra::{
     atlas::RouteError,
     check::{CheckOptions, Report, check_path},
     io::{
-        LogOptions, PathFile, Picture, Quantity, read_atlas_file, write_atlas_file, write_log,
+        LogOptions, PathFile, Quantity, read_atlas_file, write_atlas_file, write_log,
         write_path_file,
     },
     model::Problem,
@@ -16,8 +16,8 @@ use tensegra::{
 };
 
 use super::{
-    Formulation, PNG_SCALE, formulation_name, json_failure, parse_seconds, print_json,
-    print_written, read_problem, require_writable,
+    Formulation, formulation_name, json_failure, parse_seconds, print_json, print_written,
+    read_problem, require_writable, write_picture,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -268,24 +268,6 @@ fn write(
             .map_err(Failure::message)?;
         write_picture(out, "tree", &drawn, files)?;
     }
-    Ok(())
-}
-
-fn write_picture(
-    out: &Path,
-    name: &str,
-    picture: &Picture,
-    files: &mut Vec<PathBuf>,
-) -> Result<(), Failure> {
-    let (svg, png) = (
-        out.join(format!("{name}.svg")),
-        out.join(format!("{name}.png")),
-    );
-    picture.write_svg(&svg).map_err(Failure::message)?;
-    picture
-        .write_png(&png, PNG_SCALE)
-        .map_err(Failure::message)?;
-    files.extend([svg, png]);
     Ok(())
 }
 

@@ -13,11 +13,10 @@ use tensegra::{
 use super::{
     json_failure, print_json, read_problem, require_writable,
     rest_lengths::{self, RestLengthArguments},
+    write_picture,
 };
 use crate::failure::Failure;
 
-/// Pixels to a CSS pixel in PNG pictures.
-const PNG_SCALE: f64 = 2.0;
 /// Forms listed for people.
 const LISTED: usize = 10;
 
@@ -117,7 +116,7 @@ fn write(problem: &Problem, found: &JudgedForms, out: &Path) -> Result<Vec<PathB
     let path = model::Path {
         configurations: vec![best.configuration.clone()],
     };
-    let files = ["best.json", "best.svg", "best.png"].map(|name| out.join(name));
+    let mut files = vec![out.join("best.json")];
     let mut contents = PathFile::new(problem, path);
     contents.form = true;
     contents.statistics = form_json(found, found.forms.best_index());
@@ -135,11 +134,8 @@ fn write(problem: &Problem, found: &JudgedForms, out: &Path) -> Result<Vec<PathB
         &Units::default(),
     )
     .map_err(Failure::message)?;
-    picture.write_svg(&files[1]).map_err(Failure::message)?;
-    picture
-        .write_png(&files[2], PNG_SCALE)
-        .map_err(Failure::message)?;
-    Ok(files.to_vec())
+    write_picture(out, "best", &picture, &mut files)?;
+    Ok(files)
 }
 
 fn form_json(found: &JudgedForms, index: usize) -> Value {

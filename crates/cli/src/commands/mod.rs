@@ -187,14 +187,24 @@ fn write_pictures(
     pictures: &[(&str, Picture)],
     files: &mut Vec<PathBuf>,
 ) -> Result<(), Failure> {
-    for (name, picture) in pictures {
-        let [svg, png] = ["svg", "png"].map(|kind| folder.join(format!("{name}.{kind}")));
-        picture.write_svg(&svg).map_err(Failure::message)?;
-        picture
-            .write_png(&png, PNG_SCALE)
-            .map_err(Failure::message)?;
-        files.extend([svg, png]);
-    }
+    pictures
+        .iter()
+        .try_for_each(|(name, picture)| write_picture(folder, name, picture, files))
+}
+
+/// Writes one picture as SVG and PNG, and adds the files to `files`.
+fn write_picture(
+    folder: &Path,
+    name: &str,
+    picture: &Picture,
+    files: &mut Vec<PathBuf>,
+) -> Result<(), Failure> {
+    let [svg, png] = ["svg", "png"].map(|kind| folder.join(format!("{name}.{kind}")));
+    picture.write_svg(&svg).map_err(Failure::message)?;
+    picture
+        .write_png(&png, PNG_SCALE)
+        .map_err(Failure::message)?;
+    files.extend([svg, png]);
     Ok(())
 }
 

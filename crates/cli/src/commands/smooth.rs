@@ -13,10 +13,10 @@ use tensegra::{
 };
 
 use super::{
-    PNG_SCALE, StabilityArguments,
+    StabilityArguments,
     axes::{parse_axes, three_lengths},
     json_failure, print_json, print_written, read_problem, require_writable, stiffness_json,
-    stiffness_text,
+    stiffness_text, write_picture,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -178,22 +178,6 @@ pub fn draw_before_and_after(
     let paths = [("before", before), ("after", after)];
     let picture = draw_paths(&problem.structure, &paths, axes, &Units::default());
     ("before_and_after", picture)
-}
-
-/// Writes a picture as SVG and PNG and notes their names.
-fn write_picture(
-    folder: &Path,
-    name: &str,
-    picture: &Picture,
-    files: &mut Vec<PathBuf>,
-) -> Result<(), Failure> {
-    let [svg, png] = ["svg", "png"].map(|kind| folder.join(format!("{name}.{kind}")));
-    picture.write_svg(&svg).map_err(Failure::message)?;
-    picture
-        .write_png(&png, PNG_SCALE)
-        .map_err(Failure::message)?;
-    files.extend([svg, png]);
-    Ok(())
 }
 
 /// Adds the figures of smoothing to a JSON object.

@@ -291,7 +291,7 @@ impl<'a> Builder<'a> {
         for (i, equation) in equations.iter().enumerate() {
             self.differentiate(equation, balance.len() + i, &mut jacobian);
         }
-        let (pattern, atoms, terms) = jacobian.finish(variables);
+        let (pattern, atoms, entries) = jacobian.finish(variables);
         Ok(NodesManifold {
             structure: s.clone(),
             size: self.size,
@@ -313,7 +313,7 @@ impl<'a> Builder<'a> {
             origins,
             pattern,
             atoms,
-            terms,
+            entries,
         })
     }
 

@@ -108,27 +108,6 @@ impl Builder<'_> {
     }
 }
 
-/// The entries of the Jacobian as sums of multiples of atoms. Most have one term only.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Terms {
-    /// The atom and the factor of the first term of each entry.
-    first: Vec<(u32, f64)>,
-    /// Entry, atom and factor of further terms.
-    others: Vec<(u32, u32, f64)>,
-}
-
-impl Terms {
-    /// Writes the entries for the given values of the atoms.
-    pub(super) fn evaluate(&self, atoms: &[f64], entries: &mut [f64]) {
-        for (entry, &(atom, c)) in entries.iter_mut().zip(&self.first) {
-            *entry = c * atoms[atom as usize];
-        }
-        for &(entry, atom, c) in &self.others {
-            entries[entry as usize] += c * atoms[atom as usize];
-        }
-    }
-}
-
 /// Collects the derivatives of all equations as sums of atoms.
 pub(super) struct JacobianTerms<'a> {
     coordinates: &'a AffineMap,
@@ -198,7 +177,10 @@ impl<'a> JacobianTerms<'a> {
     }
 
     #[allow(clippy::type_complexity)]
-    pub(super) fn finish(self, variables: usize) -> (SparsityPattern, Vec<(usize, Atom)>, Terms) {
+    pub(super) fn finish(
+        self,
+        variables: usize,
+    ) -> (SparsityPattern, Vec<(usize, Atom)>, AffineMap) {
         let mut atoms = vec![(0, Atom::One); self.atoms.len()];
         for ((link, atom), index) in self.atoms {
             atoms[index as usize - LINK_VALUES * self.links.len()] = (link, atom);
@@ -208,17 +190,15 @@ impl<'a> JacobianTerms<'a> {
             .iter()
             .map(|row| row.keys().copied().collect())
             .collect();
-        let mut terms = Terms::default();
-        for entry in self.rows.into_iter().flatten().map(|(_, entry)| entry) {
-            let index = terms.first.len() as u32;
-            let mut entry = entry.into_iter().filter(|(_, c)| *c != 0.0);
-            terms.first.push(entry.next().unwrap_or((0, 0.0)));
-            terms.others.extend(entry.map(|(atom, c)| (index, atom, c)));
-        }
+        let entries = self.rows.into_iter().flatten().map(|(_, terms)| {
+            let terms = terms.into_iter().filter(|(_, c)| *c != 0.0);
+            (0.0, terms.map(|(atom, c)| (atom as usize, c)).collect())
+        });
+        let entries = AffineMap::from_rows(entries);
         (
             SparsityPattern::from_rows(variables, &columns),
             atoms,
-            terms,
+            entries,
         )
     }
 }

@@ -31,7 +31,7 @@ use crate::{
     structure::{ForceLaw, Structure},
 };
 use builder::Builder;
-use jacobian::{Atom, Terms};
+use jacobian::Atom;
 
 /// How the force density of a link is known.
 #[derive(Clone, Copy, Debug)]
@@ -197,7 +197,8 @@ pub struct NodesManifold {
     pattern: SparsityPattern,
     /// What the Jacobian is made of besides the vectors and densities of links.
     atoms: Vec<(usize, Atom)>,
-    terms: Terms,
+    /// The entries of the Jacobian, sums of multiples of all these.
+    entries: AffineMap,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -555,7 +556,7 @@ impl ImplicitManifold for NodesManifold {
                     }
                 });
             }
-            self.terms.evaluate(&scratch.values, values);
+            self.entries.values(&scratch.values, values);
         });
     }
 
