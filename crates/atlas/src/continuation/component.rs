@@ -35,6 +35,8 @@ const AGREE: f64 = 0.5;
 const SAME_POINT: f64 = 1e-4;
 /// A cut leaves at least this fraction of the way to the neighbour's centre.
 const LEAST_CUT: f64 = 0.1;
+/// Residual to which points are compared with those of a chart.
+const SHEET_TOLERANCE: f64 = 1e-9;
 /// Residual to which corners are put on the manifold.
 const CORNER_TOLERANCE: f64 = 1e-10;
 /// A neighbour that cuts the rim of a domain cuts it at this fraction of the radius
@@ -280,11 +282,10 @@ impl ComponentAtlas {
         a_from_b: &[f64],
         work: &mut Workspace,
     ) -> bool {
-        const TOLERANCE: f64 = 1e-9;
         let half: Vec<f64> = a_from_b.iter().map(|t| 0.5 * t).collect();
         let mut middle = vec![0.0; self.charts[a].center().len()];
         if self.charts[b]
-            .exp(manifold, &half, &mut middle, TOLERANCE, work)
+            .exp(manifold, &half, &mut middle, SHEET_TOLERANCE, work)
             .is_err()
         {
             return false;
@@ -301,14 +302,19 @@ impl ComponentAtlas {
         x: &[f64],
         work: &mut Workspace,
     ) -> bool {
-        const TOLERANCE: f64 = 1e-9;
+        let chart = &self.charts[index];
         let mut t = vec![0.0; self.dimension];
         let mut own = vec![0.0; x.len()];
-        self.charts[index].log(x, &mut t);
-        self.charts[index]
-            .exp(manifold, &t, &mut own, TOLERANCE, work)
+        let same =
+            |own: &[f64]| squared_distance(own, x) <= (SAME_POINT * self.domain.radius).powi(2);
+        chart.log(x, &mut t);
+        chart
+            .exp(manifold, &t, &mut own, SHEET_TOLERANCE, work)
             .is_ok()
-            && squared_distance(&own, x) <= (SAME_POINT * self.domain.radius).powi(2)
+            && same(&own)
+            // Far out, iterations that start from the tangent space may fail, or end on
+            // another sheet.
+            || follow(chart, manifold, &t, &mut own, work) && same(&own)
     }
 
     /// Where the polytope of a chart ends towards a neighbour.
@@ -504,6 +510,30 @@ impl ComponentAtlas {
     fn power(&self, index: usize, x: &[f64]) -> f64 {
         squared_distance(x, self.charts[index].center()) - self.radii[index].powi(2)
     }
+}
+
+/// The point of a chart's own sheet with tangent coordinates t: along the ray from
+/// the centre in short steps, each predicted from the two points before. `false`
+/// where the sheet ends before.
+fn follow<M: ImplicitManifold + ?Sized>(
+    chart: &Chart,
+    manifold: &M,
+    t: &[f64],
+    x: &mut [f64],
+    work: &mut Workspace,
+) -> bool {
+    const STEPS: usize = 16;
+    let mut before = vec![0.0; x.len()];
+    let back: Vec<f64> = t.iter().map(|t| -t / STEPS as f64).collect();
+    chart.tangent_point(&back, &mut before);
+    x.copy_from_slice(chart.center());
+    (0..STEPS).all(|_| {
+        for (x, before) in x.iter_mut().zip(&mut before) {
+            let next = 2.0 * *x - *before;
+            *before = std::mem::replace(x, next);
+        }
+        chart.retract(manifold, x, SHEET_TOLERANCE, work).is_ok()
+    })
 }
 
 fn norm(v: &[f64]) -> f64 {
