@@ -41,11 +41,11 @@ impl Border {
     }
 }
 
-/// The bound or limit that a point breaks the most.
+/// The bound or limit that a point breaks the most, with its value.
 pub(super) fn broken_limit<M: ImplicitManifold + ?Sized>(
     manifold: &M,
     x: &[f64],
-) -> Option<Border> {
+) -> Option<(Border, f64)> {
     let mut worst = (-ROUNDING, None);
     let mut see = |value: f64, border| {
         if value < worst.0 || value.is_nan() {
@@ -65,5 +65,5 @@ pub(super) fn broken_limit<M: ImplicitManifold + ?Sized>(
             see(value, Border::Limit(i));
         }
     }
-    worst.1
+    worst.1.map(|border| (border, worst.0))
 }

@@ -3,28 +3,41 @@
 
 use crate::{polytope::Polytope, qr::dot};
 
-/// Directions (of length 1) that sample the rim about a vertex that lies outside
-/// of `radius`: that of the vertex first, then along the edges that meet in it
-/// up to where they enter the sphere, about `angle` apart, and, for k > 2,
-/// between these.
-pub(super) fn directions(cell: &Polytope, vertex: usize, radius: f64, angle: f64) -> Vec<Vec<f64>> {
+/// The rim about a vertex that lies outside of the radius, as directions of
+/// length 1.
+pub(super) struct Rim {
+    /// Direction of the vertex.
+    pub(super) vertex: Vec<f64>,
+    /// From there, excluded, along each edge up to where it enters the sphere.
+    pub(super) arms: Vec<Vec<Vec<f64>>>,
+    /// For k > 2, between the ends of the arms.
+    pub(super) between: Vec<Vec<Vec<f64>>>,
+}
+
+/// Samples the rim about a vertex that lies outside of `radius`, about `angle`
+/// apart.
+pub(super) fn rim(cell: &Polytope, vertex: usize, radius: f64, angle: f64) -> Rim {
     let start = &cell.vertices()[vertex].point;
     let ends: Vec<Vec<f64>> = cell
         .adjacent(vertex)
         .map(|other| end_of_rim(start, &cell.vertices()[other].point, radius))
         .collect();
-    let mut rim = vec![unit(start.clone())];
-    for end in &ends {
-        rim.extend(segment(start, end, angle));
-    }
+    let mut between = Vec::new();
     if cell.dimension() > 2 {
         for (i, a) in ends.iter().enumerate() {
-            for b in &ends[i + 1..] {
-                rim.extend(segment(a, b, angle));
-            }
+            between.extend(ends[i + 1..].iter().map(|b| segment(a, b, angle)));
         }
     }
-    rim
+    Rim {
+        vertex: unit(start.clone()),
+        arms: ends.iter().map(|end| segment(start, end, angle)).collect(),
+        between,
+    }
+}
+
+/// The direction halfway between two.
+pub(super) fn middle(a: &[f64], b: &[f64]) -> Vec<f64> {
+    unit(a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect())
 }
 
 /// Where an edge from a vertex outside of the sphere enters it; where it does
@@ -46,14 +59,15 @@ fn end_of_rim(from: &[f64], to: &[f64], radius: f64) -> Vec<f64> {
 
 /// Directions from that of `a`, excluded, to that of `b`, included, about `angle`
 /// apart.
-fn segment(a: &[f64], b: &[f64], angle: f64) -> impl Iterator<Item = Vec<f64>> {
+fn segment(a: &[f64], b: &[f64], angle: f64) -> Vec<Vec<f64>> {
     let (u, v) = (unit(a.to_vec()), unit(b.to_vec()));
     let opening = dot(&u, &v).clamp(-1.0, 1.0).acos();
     let steps = (opening / angle).ceil().max(1.0) as usize;
-    (1..=steps).map(move |step| {
+    let at = |step: usize| {
         let s = step as f64 / steps as f64;
         unit(u.iter().zip(&v).map(|(a, b)| a + s * (b - a)).collect())
-    })
+    };
+    (1..=steps).map(at).collect()
 }
 
 fn unit(mut v: Vec<f64>) -> Vec<f64> {
@@ -71,8 +85,9 @@ mod tests {
         let square = Polytope::cube(2, 1.0);
         let vertex = 3;
         assert_eq!(square.vertices()[vertex].point, [1.0, 1.0]);
-        let angles: Vec<f64> = directions(&square, vertex, 1.0, 0.2)
-            .iter()
+        let rim = rim(&square, vertex, 1.0, 0.2);
+        let angles: Vec<f64> = std::iter::once(&rim.vertex)
+            .chain(rim.arms.iter().flatten())
             .map(|d| d[1].atan2(d[0]).to_degrees())
             .collect();
         assert!((angles[0] - 45.0).abs() < 1e-12);
@@ -87,8 +102,9 @@ mod tests {
     #[test]
     fn the_rim_between_the_edges_of_a_cube_is_sampled_too() {
         let cube = Polytope::cube(3, 1.0);
-        let rim = directions(&cube, 7, 1.0, 0.3);
-        let inner = rim.iter().filter(|d| d.iter().all(|x| *x > 0.3));
+        let rim = rim(&cube, 7, 1.0, 0.3);
+        let between = rim.between.iter().flatten();
+        let inner = between.filter(|d| d.iter().all(|x| *x > 0.3));
         assert!(inner.count() >= 4);
     }
 }

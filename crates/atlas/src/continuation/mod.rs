@@ -28,7 +28,10 @@ mod outline;
 mod route;
 mod walk;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::{
+    collections::{BTreeMap, VecDeque},
+    ops::ControlFlow,
+};
 
 pub use border::Border;
 pub use component::{ComponentAtlas, Corner};
@@ -40,15 +43,20 @@ use crate::{
     atlas::{ChartDomain, squared_distance},
     chart::Workspace,
     error::ManifoldError,
-    manifold::ImplicitManifold,
+    manifold::{ImplicitManifold, SparseRow},
     newton::dimension,
     qr::dot,
     validity::{Obstruction, Validity},
 };
 use border::broken_limit;
+use frontier::Rim;
 
 /// Blocked ways are tried again in steps of this fraction of the stride.
 const FINER: f64 = 0.25;
+/// Residual at which points at a border are looked at.
+const ROUGH: f64 = 1e-5;
+/// Halvings of the angle between samples of a rim where it may open.
+const CLOSER: usize = 4;
 /// A radius shrinks by this factor.
 const SHRINK: f64 = 0.7;
 /// Radii do not shrink below this fraction of ρ.
@@ -168,7 +176,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Continuation<'a, M, V> {
         if !(1..=MAX_DIMENSION).contains(&k) {
             return Err(ContinuationError::Dimension(k));
         }
-        if let Some(border) = broken_limit(self.manifold, start) {
+        if let Some((border, _)) = broken_limit(self.manifold, start) {
             let border = border.name(self.manifold);
             return Err(ContinuationError::Invalid(format!("it exceeds {border}")));
         }
@@ -194,8 +202,9 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Continuation<'a, M, V> {
 enum Outlook {
     /// A valid point, in `Front::there` and `Front::memory_there`.
     Open,
-    /// The component ends before.
-    Ends(Border),
+    /// The component ends before; with the value of the limit or contact there,
+    /// where there is one: it is broken less, the larger this is.
+    Ends(Border, f64),
     /// The chart does not represent the manifold there.
     Poor,
 }
@@ -214,7 +223,11 @@ struct Front<'p, M: ?Sized, V: Validity> {
     there: Vec<f64>,
     memory_there: V::Memory,
     memory_before: V::Memory,
+    row: SparseRow,
 }
+
+/// A direction in which the component ends, and the value of what ends it.
+type Sample<'r> = (&'r Vec<f64>, f64);
 
 impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
     fn new(continuation: &'p Continuation<'p, M, V>, dimension: usize) -> Self {
@@ -230,6 +243,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             there: vec![0.0; continuation.manifold.ambient_dimension()],
             memory_there: continuation.validity.memory(),
             memory_before: continuation.validity.memory(),
+            row: SparseRow::default(),
         }
     }
 
@@ -287,43 +301,142 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
     fn advance(&mut self, chart: usize, vertex: usize) {
         let cell = self.atlas.cell(chart);
         let radius = self.atlas.radius(chart);
-        let rim = frontier::directions(cell, vertex, radius, self.continuation.options.rim_angle);
+        let rim = frontier::rim(cell, vertex, radius, self.continuation.options.rim_angle);
         let mut reason = None;
-        for direction in rim {
-            match self.look(chart, &direction) {
-                Outlook::Open => {
-                    let center = self.there.clone();
-                    let memory = self.memory_there.clone();
-                    match self.add(&center, Some(chart), memory) {
-                        Ok(()) => return,
-                        Err(_) => reason = reason.or(Some(Border::Singular)),
-                    }
-                }
-                Outlook::Ends(border) => reason = reason.or(Some(border)),
-                // In the direction of the vertex itself, the chart is too large;
-                // elsewhere the vertex that is nearer will tell.
-                Outlook::Poor if reason.is_none() => {
-                    let least = LEAST_RADIUS * self.continuation.options.domain.radius;
-                    if SHRINK * radius >= least {
-                        self.atlas.shrink(chart, SHRINK * radius);
-                        let around: Vec<usize> = self.atlas.neighbours(chart).collect();
-                        around.into_iter().for_each(|j| self.enqueue(j));
-                        return;
-                    }
-                    reason = Some(Border::Curvature);
-                }
-                Outlook::Poor => {}
-            }
+        if self.search_rim(chart, &rim, &mut reason).is_continue() {
+            self.atlas.cell_mut(chart).close(vertex);
+            let border = reason.unwrap_or(Border::Curvature);
+            *self.borders.entry(border).or_default() += 1;
         }
-        self.atlas.cell_mut(chart).close(vertex);
-        *self
-            .borders
-            .entry(reason.unwrap_or(Border::Curvature))
-            .or_default() += 1;
     }
 
-    /// What lies at the radius of a chart in a direction (of length 1).
+    /// Looks along the rim for a way on: at the samples, and then more closely where
+    /// the border recedes most between them.
+    fn search_rim(
+        &mut self,
+        chart: usize,
+        rim: &Rim,
+        reason: &mut Option<Border>,
+    ) -> ControlFlow<()> {
+        let vertex = self.attempt(chart, &rim.vertex, true, reason)?;
+        let mut arms = Vec::with_capacity(rim.arms.len());
+        for arm in &rim.arms {
+            arms.push(self.attempt_all(chart, arm, reason)?);
+        }
+        for arc in &rim.between {
+            let values = self.attempt_all(chart, arc, reason)?;
+            let samples: Vec<Sample> = arc.iter().zip(values).collect();
+            self.look_closely(chart, &samples, reason)?;
+        }
+        for (i, a) in arms.iter().enumerate() {
+            for (j, b) in arms.iter().enumerate().skip(i + 1) {
+                let there = rim.arms[i].iter().zip(a.iter().copied()).rev();
+                let back = rim.arms[j].iter().zip(b.iter().copied());
+                let samples: Vec<Sample> =
+                    there.chain([(&rim.vertex, vertex)]).chain(back).collect();
+                self.look_closely(chart, &samples, reason)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn attempt_all(
+        &mut self,
+        chart: usize,
+        directions: &[Vec<f64>],
+        reason: &mut Option<Border>,
+    ) -> ControlFlow<(), Vec<f64>> {
+        let mut values = Vec::with_capacity(directions.len());
+        for direction in directions {
+            values.push(self.attempt(chart, direction, false, reason)?);
+        }
+        ControlFlow::Continue(values)
+    }
+
+    /// Halves the angle between samples about each that is broken less than those
+    /// next to it, as long as the value may reach zero in between: were it concave,
+    /// it would rise on one side of the sample by no more than it falls on the other.
+    fn look_closely(
+        &mut self,
+        chart: usize,
+        samples: &[Sample],
+        reason: &mut Option<Border>,
+    ) -> ControlFlow<()> {
+        for triple in samples.windows(3) {
+            let [mut left, mut top, mut right] =
+                [0, 1, 2].map(|i| (triple[i].0.clone(), triple[i].1));
+            for _ in 0..CLOSER {
+                let rise = top.1 - left.1.min(right.1);
+                let peaks = top.1 >= left.1.max(right.1);
+                if !peaks || !rise.is_finite() || top.1 + rise < 0.0 {
+                    break;
+                }
+                for side in [&mut left, &mut right] {
+                    let direction = frontier::middle(&side.0, &top.0);
+                    let value = self.attempt(chart, &direction, false, reason)?;
+                    let middle = (direction, value);
+                    *side = if value > top.1 {
+                        std::mem::replace(&mut top, middle)
+                    } else {
+                        middle
+                    };
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Looks in a direction. Adds a chart if there is a way on; shrinks the chart
+    /// if it does not represent the manifold there and this is the direction
+    /// of the vertex. Otherwise tells how far the border's limit is broken.
+    fn attempt(
+        &mut self,
+        chart: usize,
+        direction: &[f64],
+        is_vertex: bool,
+        reason: &mut Option<Border>,
+    ) -> ControlFlow<(), f64> {
+        match self.look(chart, direction) {
+            Outlook::Open => {
+                let center = self.there.clone();
+                let memory = self.memory_there.clone();
+                match self.add(&center, Some(chart), memory) {
+                    Ok(()) => return ControlFlow::Break(()),
+                    Err(_) => *reason = reason.or(Some(Border::Singular)),
+                }
+            }
+            Outlook::Ends(border, value) => {
+                *reason = reason.or(Some(border));
+                return ControlFlow::Continue(value);
+            }
+            // Elsewhere, the vertex that is nearer will tell.
+            Outlook::Poor if is_vertex => {
+                let least = LEAST_RADIUS * self.continuation.options.domain.radius;
+                let radius = SHRINK * self.atlas.radius(chart);
+                if radius >= least {
+                    self.atlas.shrink(chart, radius);
+                    let around: Vec<usize> = self.atlas.neighbours(chart).collect();
+                    around.into_iter().for_each(|j| self.enqueue(j));
+                    return ControlFlow::Break(());
+                }
+                *reason = Some(Border::Curvature);
+            }
+            Outlook::Poor => {}
+        }
+        ControlFlow::Continue(f64::NEG_INFINITY)
+    }
+
+    /// What lies at the radius of a chart in a direction (of length 1): roughly
+    /// first, since most looks end at a border.
     fn look(&mut self, chart: usize, direction: &[f64]) -> Outlook {
+        let tolerance = self.continuation.options.tolerance;
+        match self.look_within(chart, direction, tolerance.max(ROUGH)) {
+            Outlook::Open => self.look_within(chart, direction, tolerance),
+            outlook => outlook,
+        }
+    }
+
+    fn look_within(&mut self, chart: usize, direction: &[f64], tolerance: f64) -> Outlook {
         let radius = self.atlas.radius(chart);
         let options = &self.continuation.options;
         let manifold = self.continuation.manifold;
@@ -331,13 +444,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
         let at = |s: f64| -> Vec<f64> { direction.iter().map(|d| s * radius * d).collect() };
         let mut x = std::mem::take(&mut self.there);
         let represented = here
-            .exp(
-                manifold,
-                &at(1.0),
-                &mut x,
-                options.tolerance,
-                &mut self.work,
-            )
+            .exp(manifold, &at(1.0), &mut x, tolerance, &mut self.work)
             .is_ok()
             && {
                 let square = squared_distance(&x, here.center());
@@ -346,23 +453,19 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             };
         let outlook = if represented {
             match broken_limit(manifold, &x) {
-                Some(border) => Outlook::Ends(border),
-                None => self.go(chart, &x),
+                Some((border, value)) => Outlook::Ends(border, value),
+                None => self.go(chart, &x, tolerance),
             }
         } else {
             // Beyond a border the manifold may be anything.
             let mut middle = vec![0.0; x.len()];
             let ends = here
-                .exp(
-                    manifold,
-                    &at(0.5),
-                    &mut middle,
-                    options.tolerance,
-                    &mut self.work,
-                )
+                .exp(manifold, &at(0.5), &mut middle, tolerance, &mut self.work)
                 .ok()
                 .and_then(|()| broken_limit(manifold, &middle));
-            ends.map_or(Outlook::Poor, Outlook::Ends)
+            ends.map_or(Outlook::Poor, |(border, _)| {
+                Outlook::Ends(border, f64::NEG_INFINITY)
+            })
         };
         self.there = x;
         outlook
@@ -370,20 +473,22 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
 
     /// Tests the way from the centre of a chart to x, straight in tangent
     /// coordinates. Where long steps do not show it to be free, short ones may.
-    fn go(&mut self, chart: usize, x: &[f64]) -> Outlook {
+    fn go(&mut self, chart: usize, x: &[f64], tolerance: f64) -> Outlook {
         let stride = self.continuation.options.stride;
-        match self.go_in_steps(chart, x, stride) {
-            Outlook::Ends(Border::Blocked) => self.go_in_steps(chart, x, FINER * stride),
+        match self.go_in_steps(chart, x, tolerance, stride) {
+            Outlook::Ends(Border::Blocked, _) => {
+                self.go_in_steps(chart, x, tolerance, FINER * stride)
+            }
             outlook => outlook,
         }
     }
 
-    fn go_in_steps(&mut self, chart: usize, x: &[f64], stride: f64) -> Outlook {
+    fn go_in_steps(&mut self, chart: usize, x: &[f64], tolerance: f64, stride: f64) -> Outlook {
         self.tests += 1;
         let Continuation {
             manifold,
             validity,
-            options,
+            ..
         } = *self.continuation;
         let here = self.atlas.chart(chart);
         let radius = self.atlas.radius(chart);
@@ -399,13 +504,13 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             } else {
                 interpolate(here.center(), x, s, &mut to);
                 if here
-                    .retract(manifold, &mut to, options.tolerance, &mut self.work)
+                    .retract(manifold, &mut to, tolerance, &mut self.work)
                     .is_err()
                 {
                     return Outlook::Poor;
                 }
-                if let Some(border) = broken_limit(manifold, &to) {
-                    return Outlook::Ends(border);
+                if let Some((border, _)) = broken_limit(manifold, &to) {
+                    return Outlook::Ends(border, f64::NEG_INFINITY);
                 }
             }
             let memory = if step == 1 {
@@ -417,7 +522,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             let work = &mut self.work;
             let mut between = |s: f64, y: &mut [f64]| {
                 interpolate(&from, &to, s, y);
-                here.retract(manifold, y, options.tolerance, work).is_ok()
+                here.retract(manifold, y, tolerance, work).is_ok()
             };
             violated.clear();
             match validity.step(
@@ -429,10 +534,18 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             ) {
                 Ok(()) => {}
                 Err(Obstruction::Contacts) => {
-                    let contact = violated.first().copied();
-                    return Outlook::Ends(contact.map_or(Border::Blocked, Border::Contact));
+                    let Some(&contact) = violated.first() else {
+                        return Outlook::Ends(Border::Blocked, f64::NEG_INFINITY);
+                    };
+                    self.row.clear();
+                    let (memory, row) = (&mut self.memory_there, &mut self.row);
+                    let value = validity.contact(contact, x, memory, row);
+                    let value = value.unwrap_or(f64::NEG_INFINITY);
+                    return Outlook::Ends(Border::Contact(contact), value);
                 }
-                Err(Obstruction::Blocked) => return Outlook::Ends(Border::Blocked),
+                Err(Obstruction::Blocked) => {
+                    return Outlook::Ends(Border::Blocked, f64::NEG_INFINITY);
+                }
             }
         }
         Outlook::Open
