@@ -223,6 +223,8 @@ struct Front<'p, M: ?Sized, V: Validity> {
     there: Vec<f64>,
     memory_there: V::Memory,
     memory_before: V::Memory,
+    /// The contact last found violated, and scratch for its gradient.
+    last_contact: Option<usize>,
     row: SparseRow,
 }
 
@@ -243,6 +245,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             there: vec![0.0; continuation.manifold.ambient_dimension()],
             memory_there: continuation.validity.memory(),
             memory_before: continuation.validity.memory(),
+            last_contact: None,
             row: SparseRow::default(),
         }
     }
@@ -454,7 +457,10 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
         let outlook = if represented {
             match broken_limit(manifold, &x) {
                 Some((border, value)) => Outlook::Ends(border, value),
-                None => self.go(chart, &x, tolerance),
+                None => match self.contact_at(chart, &x) {
+                    Some((contact, value)) => Outlook::Ends(Border::Contact(contact), value),
+                    None => self.go(chart, &x, tolerance),
+                },
             }
         } else {
             // Beyond a border the manifold may be anything.
@@ -469,6 +475,32 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
         };
         self.there = x;
         outlook
+    }
+
+    /// A contact violated at x, reached from a chart, and its value.
+    fn contact_at(&mut self, chart: usize, x: &[f64]) -> Option<(usize, f64)> {
+        // Along a rim it is mostly the same one.
+        if let Some(contact) = self.last_contact {
+            let value = self.contact_value(contact, x);
+            if value < 0.0 {
+                return Some((contact, value));
+            }
+        }
+        let (from, there) = (&self.memories[chart], &mut self.memory_there);
+        let mut violated = Vec::new();
+        // Without points between, only the end is judged.
+        let validity = self.continuation.validity;
+        let _ = validity.step(from, x, there, &mut |_, _| false, &mut violated);
+        self.last_contact = violated.first().copied();
+        let contact = self.last_contact?;
+        Some((contact, self.contact_value(contact, x)))
+    }
+
+    fn contact_value(&mut self, contact: usize, x: &[f64]) -> f64 {
+        let (memory, row) = (&mut self.memory_there, &mut self.row);
+        row.clear();
+        let value = self.continuation.validity.contact(contact, x, memory, row);
+        value.unwrap_or(f64::NEG_INFINITY)
     }
 
     /// Tests the way from the centre of a chart to x, straight in tangent
@@ -486,9 +518,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
     fn go_in_steps(&mut self, chart: usize, x: &[f64], tolerance: f64, stride: f64) -> Outlook {
         self.tests += 1;
         let Continuation {
-            manifold,
-            validity,
-            ..
+            manifold, validity, ..
         } = *self.continuation;
         let here = self.atlas.chart(chart);
         let radius = self.atlas.radius(chart);
@@ -534,14 +564,9 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             ) {
                 Ok(()) => {}
                 Err(Obstruction::Contacts) => {
-                    let Some(&contact) = violated.first() else {
-                        return Outlook::Ends(Border::Blocked, f64::NEG_INFINITY);
-                    };
-                    self.row.clear();
-                    let (memory, row) = (&mut self.memory_there, &mut self.row);
-                    let value = validity.contact(contact, x, memory, row);
-                    let value = value.unwrap_or(f64::NEG_INFINITY);
-                    return Outlook::Ends(Border::Contact(contact), value);
+                    let contact = violated.first().copied();
+                    let border = contact.map_or(Border::Blocked, Border::Contact);
+                    return Outlook::Ends(border, f64::NEG_INFINITY);
                 }
                 Err(Obstruction::Blocked) => {
                     return Outlook::Ends(Border::Blocked, f64::NEG_INFINITY);
