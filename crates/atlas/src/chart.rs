@@ -129,16 +129,19 @@ impl Chart {
     }
 
     /// The point x_c of the manifold that the chart is built at (m values).
+    #[inline]
     pub fn center(&self) -> &[f64] {
         &self.center
     }
 
     /// Dimension k of the manifold.
+    #[inline]
     pub fn dimension(&self) -> usize {
         self.dimension
     }
 
     /// The j-th vector of the orthonormal tangent basis Φ (m values).
+    #[inline]
     pub fn tangent(&self, j: usize) -> &[f64] {
         let m = self.center.len();
         &self.basis[j * m..(j + 1) * m]
@@ -146,6 +149,7 @@ impl Chart {
 
     /// The row of Φ that belongs to one variable (k values): the tangent
     /// coordinates of that variable's gradient.
+    #[inline]
     pub fn variable(&self, variable: usize) -> &[f64] {
         &self.basis_by_variable[variable * self.dimension..(variable + 1) * self.dimension]
     }
@@ -156,9 +160,14 @@ impl Chart {
     pub fn multipliers(&self, w: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         let columns = self.pseudo_inverse.chunks_exact(padded(self.center.len()));
-        for (&row, column) in self.rows.iter().zip(columns) {
-            y[row as usize] = dot(&column[..w.len()], w);
-        }
+        vectorised(
+            #[inline(always)]
+            || {
+                for (&row, column) in self.rows.iter().zip(columns) {
+                    y[row as usize] = dot(&column[..w.len()], w);
+                }
+            },
+        );
     }
 
     /// Logarithmic map: tangent coordinates t = Φᵀ (x − x_c). Cost: k m.

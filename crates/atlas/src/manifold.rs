@@ -64,11 +64,13 @@ impl SparsityPattern {
     }
 
     /// Where the entries of a row stand in the array of values.
+    #[inline]
     pub fn row_range(&self, row: usize) -> std::ops::Range<usize> {
         self.row_starts[row]..self.row_starts[row + 1]
     }
 
     /// The columns of the entries of a row.
+    #[inline]
     pub fn row(&self, row: usize) -> &[usize] {
         &self.column_indices[self.row_range(row)]
     }

@@ -25,7 +25,7 @@ pub use contact::Contact;
 pub use error::{MeshError, ShapeError};
 pub use off::{OffError, OffSurface, parse_off};
 pub use query::{
-    MeshHint, capsule_capsule, capsule_capsule_lower_bound, capsule_solid, capsule_solid_hinted,
-    capsule_solid_posed, clearance_lower_bound, solid_solid,
+    MeshHint, capsule_capsule, capsule_capsule_lower_bound, capsule_solid, capsule_solid_around,
+    capsule_solid_hinted, capsule_solid_posed, clearance_lower_bound, solid_solid,
 };
 pub use solid::Solid;

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rand_pcg::Pcg64;
 use tensegra_collision::{
     Capsule, Contact, MeshHint, Solid, capsule_capsule, capsule_capsule_lower_bound, capsule_solid,
-    capsule_solid_hinted, capsule_solid_posed, clearance_lower_bound,
+    capsule_solid_around, capsule_solid_hinted, capsule_solid_posed, clearance_lower_bound,
     closest_points_point_triangle, closest_points_segment_triangle,
 };
 
@@ -573,4 +573,55 @@ fn far_from_the_origin_and_at_other_scales() {
             }
         }
     }
+}
+
+#[test]
+fn a_peg_in_a_hole_has_the_walls_all_around() {
+    // A box with a square hole, 2 wide, along z: corners of the hole and of the box, below and above.
+    let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let mut corners = Vec::new();
+    for z in [0.0, 4.0] {
+        for scale in [1.0, 3.0] {
+            corners.extend(square.map(|[x, y]| Point3::new(scale * x, scale * y, z)));
+        }
+    }
+    let mut faces = Vec::new();
+    for i in 0..4 {
+        let j = (i + 1) % 4;
+        faces.push([i, i + 8, j + 8, j]);
+        faces.push([i + 4, j + 4, j + 12, i + 12]);
+        faces.push([i, j, j + 4, i + 4]);
+        faces.push([i + 8, i + 12, j + 12, j + 8]);
+    }
+    let solid = Solid::mesh(&corners, &faces).unwrap();
+    let peg = Capsule::new(
+        Point3::new(0.2, -0.1, 1.0),
+        Point3::new(0.25, 0.1, 6.0),
+        0.5,
+    )
+    .unwrap();
+    let mut found = Vec::new();
+    capsule_solid_around(&peg, &solid, 1.0, &mut found);
+    let nearest = capsule_solid(&peg, &solid);
+    assert!((found[0].clearance - nearest.clearance).abs() < 1e-12);
+    for contact in &found {
+        check_fields(contact, &peg, "peg");
+        assert!(contact.clearance < 1.0);
+    }
+    for (normal, clearance) in [
+        (Vector3::x(), 0.7),
+        (-Vector3::x(), 0.3),
+        (Vector3::y(), 0.4),
+        (-Vector3::y(), 0.6),
+    ] {
+        // The lower end at the wall, the upper part at its rim.
+        let walls = found.iter().filter(|c| c.normal.dot(&normal) > 0.98);
+        assert!(walls.clone().any(|c| c.s > 0.5), "{normal}");
+        let at_end = walls.clone().find(|c| c.s == 0.0).unwrap();
+        assert!((at_end.clearance - clearance).abs() < 1e-12, "{normal}");
+    }
+    let mut none = Vec::new();
+    let ball = Solid::sphere(Point3::origin(), 1.0).unwrap();
+    capsule_solid_around(&peg, &ball, 9.0, &mut none);
+    assert!(none.is_empty());
 }

@@ -31,6 +31,8 @@ const SAME_TURN: f64 = 1e-3;
 const ATTEMPTS: usize = 4;
 /// Factor from one attempt's margins to the next one's.
 const WIDER: f64 = 2.0;
+/// Factor from the steps of an attempt that did not reach a path to the next one's.
+const SHORTER: f64 = 0.5;
 
 /// How a path is smoothed.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -212,6 +214,8 @@ pub fn smooth(
             Err(error) => {
                 setback = Some(error.to_string());
                 from.clone_from(&shortened.points);
+                // Shorter steps neither tear the path nor jump over obstacles.
+                margins.trust_radius *= SHORTER;
             }
         }
         margins.contact_margin *= WIDER;

@@ -7,8 +7,8 @@
 
 use super::{Chart, Workspace, add_columns, padded};
 use crate::{
-    manifold::ImplicitManifold,
-    qr::{LANES, axpy, dot},
+    manifold::{ImplicitManifold, SparsityPattern},
+    qr::{LANES, axpy, dot, vectorised},
 };
 
 /// J(x) Φ counts as zero below this: the exponential map corrects what is left.
@@ -29,10 +29,19 @@ impl Chart {
         x: &[f64],
         work: &mut Workspace,
     ) -> bool {
-        let (m, k) = (x.len(), self.dimension);
         let pattern = manifold.jacobian_pattern();
         work.jacobian.resize(pattern.len(), 0.0);
         manifold.jacobian(x, &mut work.jacobian);
+        vectorised(
+            #[inline(always)]
+            || self.turn(pattern, x, work),
+        )
+    }
+
+    /// Turns the basis into the null space of the Jacobian in the workspace, that at `x`.
+    #[inline(always)]
+    fn turn(&mut self, pattern: &SparsityPattern, x: &[f64], work: &mut Workspace) -> bool {
+        let (m, k) = (x.len(), self.dimension);
         work.saved.clear();
         work.saved.extend_from_slice(&self.basis);
         // J(x) Φ, the k values of one independent equation after the other.
@@ -95,6 +104,7 @@ impl Chart {
     }
 
     /// Gram and Schmidt's method on a basis that is nearly orthonormal; `false` where it is not.
+    #[inline(always)]
     fn orthonormalise(&mut self) -> bool {
         let m = self.center.len();
         for j in 0..self.dimension {

@@ -12,7 +12,7 @@ mod surface;
 use nalgebra::{Point3, Vector3};
 
 pub(crate) use bvh::Bvh;
-pub(crate) use segment::axis_mesh;
+pub(crate) use segment::{axis_mesh, axis_mesh_around};
 
 use crate::closest::{Feature, point_triangle};
 use crate::frame::Frame;

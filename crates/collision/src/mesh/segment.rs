@@ -76,6 +76,69 @@ pub(crate) fn axis_mesh(
     deepest(a, b, mesh, s)
 }
 
+/// Appends the closest points of both ends of the segment with faces, and of the segment with edges, that are nearer
+/// than `reach` and look at it with their outer side: what is close in all directions, not only in the nearest.
+pub(crate) fn axis_mesh_around(
+    a: &Point3<f64>,
+    b: &Point3<f64>,
+    mesh: &Mesh,
+    reach: f64,
+    found: &mut Vec<AxisWitness>,
+) {
+    let slack = SLIVER * mesh.size * mesh.size;
+    let (low, high) = (a.inf(b), a.sup(b));
+    mesh.tree.visit(
+        reach,
+        |node| {
+            let apart = (node.min - high).sup(&(low - node.max));
+            apart.sup(&nalgebra::Vector3::zeros()).norm()
+        },
+        |range, limit| {
+            for index in range {
+                let triangle = &mesh.triangles[index];
+                for (s, end) in [(0.0, a), (1.0, b)] {
+                    let height = triangle.height(end);
+                    if height > 0.0
+                        && height < reach
+                        && projects_inside(end, &triangle.corners, &triangle.normal, slack)
+                    {
+                        found.push(AxisWitness {
+                            distance: height,
+                            normal: triangle.normal,
+                            s,
+                            unique: true,
+                        });
+                    }
+                }
+                for k in (0..3u8).filter(|k| triangle.edges >> k & 1 == 1) {
+                    let p = &triangle.corners[usize::from(k)];
+                    let q = &triangle.corners[(usize::from(k) + 1) % 3];
+                    let pair = closest_points_segment_segment(a, b, p, q);
+                    let distance = pair.distance_squared().sqrt();
+                    let outward = mesh.pseudonormal(&SurfacePoint {
+                        triangle: index,
+                        feature: Feature::of_edge(k, pair.t),
+                        point: pair.on_b,
+                    });
+                    let apart = pair.on_a - pair.on_b;
+                    if distance < reach
+                        && distance > TOUCHING * mesh.size
+                        && apart.dot(&outward) > 0.0
+                    {
+                        found.push(AxisWitness {
+                            distance,
+                            normal: apart / distance,
+                            s: pair.s,
+                            unique: pair.unique,
+                        });
+                    }
+                }
+            }
+            limit
+        },
+    );
+}
+
 /// The closest pair so far.
 struct Search<'a> {
     a: &'a Point3<f64>,

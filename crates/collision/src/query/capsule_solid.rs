@@ -4,9 +4,14 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::{AxisWitness, across, axis_box, axis_cylinder, axis_polyhedron, capsule_capsule};
 use super::{TOUCHING, deepest_along};
-use crate::mesh::axis_mesh;
+use crate::mesh::{axis_mesh, axis_mesh_around};
 use crate::solid::Shape;
 use crate::{Capsule, Contact, Solid, closest_points_point_segment};
+
+/// Cosine of the angle between normals that are about the same, 18°.
+const SAME_DIRECTION: f64 = 0.95;
+/// Parameters of about the same place of an axis differ by less.
+const SAME_PLACE: f64 = 0.1;
 
 /// Where the last query against a mesh ended. It makes the next query nearby cheaper and never changes the clearance
 /// that is found.
@@ -46,7 +51,7 @@ pub fn capsule_solid(capsule: &Capsule, solid: &Solid) -> Contact {
 #[inline]
 #[must_use]
 pub fn capsule_solid_hinted(capsule: &Capsule, solid: &Solid, hint: &mut MeshHint) -> Contact {
-    let Capsule { a, b, radius } = capsule;
+    let Capsule { a, b, .. } = capsule;
     let witness = match &solid.shape {
         Shape::Sphere { center, radius } => axis_sphere(a, b, center, *radius),
         Shape::Capsule(other) => return capsule_capsule(capsule, other),
@@ -88,15 +93,55 @@ pub fn capsule_solid_hinted(capsule: &Capsule, solid: &Solid, hint: &mut MeshHin
             mesh.frame.world_witness(witness)
         }
     };
+    contact_of(capsule, &witness)
+}
+
+fn contact_of(capsule: &Capsule, witness: &AxisWitness) -> Contact {
     let point = capsule.point(witness.s);
     Contact {
-        clearance: witness.distance - radius,
+        clearance: witness.distance - capsule.radius,
         normal: witness.normal,
-        on_a: point - witness.normal * *radius,
+        on_a: point - witness.normal * capsule.radius,
         on_b: point - witness.normal * witness.distance,
         s: witness.s,
         t: 0.0,
         unique: witness.unique,
+    }
+}
+
+/// Appends contacts of a capsule (A) with a mesh (B) in all directions in which it is nearer than `reach`, the nearest
+/// first: a peg in a hole has walls all around it. Contacts with about the same place and normal as a nearer one are
+/// left out. Nothing is appended for other solids, which are convex.
+///
+/// Cost: linear in the triangles nearby.
+pub fn capsule_solid_around(
+    capsule: &Capsule,
+    solid: &Solid,
+    reach: f64,
+    found: &mut Vec<Contact>,
+) {
+    let Shape::Mesh(mesh) = &solid.shape else {
+        return;
+    };
+    let mut witnesses = Vec::new();
+    axis_mesh_around(
+        &Point3::from(mesh.frame.local_point(&capsule.a)),
+        &Point3::from(mesh.frame.local_point(&capsule.b)),
+        mesh,
+        reach + capsule.radius,
+        &mut witnesses,
+    );
+    witnesses.sort_by(|v, w| v.distance.total_cmp(&w.distance));
+    let first = found.len();
+    for witness in witnesses {
+        let contact = contact_of(capsule, &mesh.frame.world_witness(witness));
+        let is_new = found[first..].iter().all(|other| {
+            contact.normal.dot(&other.normal) < SAME_DIRECTION
+                || (contact.s - other.s).abs() > SAME_PLACE
+        });
+        if is_new {
+            found.push(contact);
+        }
     }
 }
 

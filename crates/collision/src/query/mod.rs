@@ -16,7 +16,8 @@ pub(crate) use axis_polyhedron::axis_polyhedron;
 pub(crate) use capsule_capsule::across;
 pub use capsule_capsule::{capsule_capsule, capsule_capsule_lower_bound};
 pub use capsule_solid::{
-    MeshHint, capsule_solid, capsule_solid_hinted, capsule_solid_posed, clearance_lower_bound,
+    MeshHint, capsule_solid, capsule_solid_around, capsule_solid_hinted, capsule_solid_posed,
+    clearance_lower_bound,
 };
 pub(crate) use convex_convex::convex_convex;
 pub use solid_solid::solid_solid;

@@ -4,8 +4,8 @@
 use nalgebra::{Point3, Vector3};
 use tensegra_atlas::{Contacts, SparseRow};
 use tensegra_collision::{
-    Capsule, Contact, capsule_capsule_lower_bound, capsule_solid, capsule_solid_posed,
-    clearance_lower_bound,
+    Capsule, Contact, capsule_capsule_lower_bound, capsule_solid, capsule_solid_around,
+    capsule_solid_posed, clearance_lower_bound,
 };
 
 use super::{
@@ -18,6 +18,12 @@ use crate::equilibrium::EquilibriumManifold;
 const HALVINGS: usize = 10;
 /// Fraction of the least clearance that a finished path keeps.
 const KEPT: f64 = 0.1;
+
+/// Walls around a capsule count where they are nearer than this part of the structure's
+/// size, about a step of a path.
+const AROUND: f64 = 0.05;
+/// Two contacts are the same where cosine and parameter agree to this.
+const SAME: f64 = 1e-6;
 
 /// Gradients with respect to node positions.
 type NodeGradients = Vec<(usize, Vector3<f64>)>;
@@ -74,12 +80,21 @@ impl Scene {
         contact.s = end as f64;
         Some(contact)
     }
+
+    /// Appends the contacts of a capsule with a mesh in all directions in which it is
+    /// nearer than `reach`.
+    fn contacts_around(&self, pair: &Pair, state: &State, reach: f64, found: &mut Vec<Contact>) {
+        if let Primitives::CapsuleObstacle(i, o) = pair.primitives {
+            capsule_solid_around(&state.capsules[i], &self.obstacles[o], reach, found);
+        }
+    }
 }
 
 impl<M: EquilibriumManifold + ?Sized> FreeSpace<'_, M> {
     /// Appends the contacts whose values are below `reach`. A capsule near a
     /// solid counts with its nearest point and with both ends: the nearest point
-    /// jumps from end to end where they are level.
+    /// jumps from end to end where they are level. In a hole of a mesh it counts with
+    /// the walls all around: away from the nearest one it meets the others.
     pub(super) fn find_contacts(
         &self,
         x: &[f64],
@@ -93,6 +108,7 @@ impl<M: EquilibriumManifold + ?Sized> FreeSpace<'_, M> {
         let scale = 1.0 / self.size;
         let mut row = SparseRow::default();
         let mut gradients = NodeGradients::new();
+        let (mut known, mut around) = (Vec::new(), Vec::new());
         let mut add = |index: usize, contact: &Contact| {
             if !contact.clearance.is_finite() || contact.clearance >= farthest {
                 return;
@@ -119,13 +135,24 @@ impl<M: EquilibriumManifold + ?Sized> FreeSpace<'_, M> {
             if nearest.clearance >= farthest {
                 continue;
             }
-            add(index, &nearest);
+            known.clear();
+            known.push(nearest);
             for end in 0..2 {
-                if nearest.s != end as f64
-                    && let Some(contact) = self.scene.end_contact(pair, state, end)
-                {
-                    add(index, &contact);
+                if nearest.s != end as f64 {
+                    known.extend(self.scene.end_contact(pair, state, end));
                 }
+            }
+            around.clear();
+            let near = self.least + AROUND.min(reach) * self.size;
+            self.scene.contacts_around(pair, state, near, &mut around);
+            around.retain(|contact: &Contact| {
+                known.iter().all(|other: &Contact| {
+                    contact.normal.dot(&other.normal) < 1.0 - SAME
+                        || (contact.s - other.s).abs() > SAME
+                })
+            });
+            for contact in known.iter().chain(&around) {
+                add(index, contact);
             }
         }
     }

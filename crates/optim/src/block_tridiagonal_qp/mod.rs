@@ -26,12 +26,35 @@ mod factor;
 use thiserror::Error;
 
 use self::factor::BlockCholesky;
-use crate::vector::{axpy, dot, largest, refill};
+use crate::vector::{largest, refill};
 
 /// Steps end this fraction of the way to the nearest bound.
 const TO_THE_BOUND: f64 = 0.995;
 /// Smallest interior distance from a bound at the start, relative to the width between bounds.
 const INTERIOR: f64 = 1e-2;
+
+/// Σ aᵢ bᵢ, with several sums, so that it is vectorised.
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest = a4.remainder().iter().zip(b4.remainder());
+    let rest: f64 = rest.map(|(a, b)| a * b).sum();
+    for (a, b) in a4.zip(b4) {
+        for i in 0..4 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}
+
+/// `to` += `factor` · `from`.
+#[inline(always)]
+fn axpy(factor: f64, from: &[f64], to: &mut [f64]) {
+    for (t, f) in to.iter_mut().zip(from) {
+        *t += factor * f;
+    }
+}
 
 /// A row that touches one block, or one and the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -297,16 +320,19 @@ impl BlockTridiagonalQp {
         self.coefficients.clear();
     }
 
+    #[inline(always)]
     fn coefficients(&self, row: &Row) -> &[f64] {
         &self.coefficients[row.start..row.start + row.width as usize]
     }
 
     /// aᵣᵀ t.
+    #[inline(always)]
     fn row_value(&self, row: &Row, t: &[f64]) -> f64 {
         dot(self.coefficients(row), &t[row.columns(self.size)])
     }
 
     /// `product` = H t.
+    #[inline(always)]
     fn times_hessian(&self, t: &[f64], product: &mut [f64]) {
         let k = self.size;
         if k == 0 {
@@ -362,6 +388,7 @@ impl BlockTridiagonalQp {
     ///
     /// # Panics
     /// If there are not as many multipliers as rows, or not as many residuals as variables.
+    #[inline(always)]
     pub fn subtract_rows(&self, multipliers: &[f64], residual: &mut [f64]) {
         assert_eq!(multipliers.len(), self.rows.len());
         assert_eq!(residual.len(), self.gradient.len());
@@ -441,6 +468,11 @@ pub struct BlockTridiagonalQpSolver {
     right: Vec<f64>,
     row_weight: Vec<f64>,
     row_right: Vec<f64>,
+    /// Inverse distances from l and u, and inverses of λ and w − λ; 0 where these are infinite.
+    lower_inverse: Vec<f64>,
+    upper_inverse: Vec<f64>,
+    multiplier_inverse: Vec<f64>,
+    rest_inverse: Vec<f64>,
     factor: BlockCholesky,
 }
 
@@ -496,6 +528,10 @@ impl BlockTridiagonalQpSolver {
             right: Vec::new(),
             row_weight: Vec::new(),
             row_right: Vec::new(),
+            lower_inverse: Vec::new(),
+            upper_inverse: Vec::new(),
+            multiplier_inverse: Vec::new(),
+            rest_inverse: Vec::new(),
             factor: BlockCholesky::default(),
         }
     }
@@ -535,9 +571,14 @@ impl BlockTridiagonalQpSolver {
 
     /// Whether the Hessian of `qp` is positive definite. Cost: one factorisation.
     pub fn is_convex(&mut self, qp: &BlockTridiagonalQp) -> bool {
-        self.factor
-            .load(qp.blocks, qp.size, &qp.diagonal, &qp.coupling);
-        self.factor.factorise().is_ok()
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                self.factor
+                    .load(qp.blocks, qp.size, &qp.diagonal, &qp.coupling);
+                self.factor.factorise().is_ok()
+            },
+        )
     }
 
     /// Solves `qp`.
@@ -550,6 +591,17 @@ impl BlockTridiagonalQpSolver {
         qp: &BlockTridiagonalQp,
     ) -> Result<BlockTridiagonalQpReport, BlockTridiagonalQpError> {
         qp.validate()?;
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.iterate(qp),
+        )
+    }
+
+    #[inline(always)]
+    fn iterate(
+        &mut self,
+        qp: &BlockTridiagonalQp,
+    ) -> Result<BlockTridiagonalQpReport, BlockTridiagonalQpError> {
         self.begin(qp);
         let mut status = BlockTridiagonalQpStatus::Stalled;
         let mut iterations = 0;
@@ -610,6 +662,7 @@ impl BlockTridiagonalQpSolver {
 
     /// An interior starting point: the middle of the box where it has one, every product of a
     /// multiplier and its distance about the same.
+    #[inline(always)]
     fn begin(&mut self, qp: &BlockTridiagonalQp) {
         let (variables, rows) = (qp.gradient.len(), qp.rows.len());
         self.t.clear();
@@ -627,6 +680,10 @@ impl BlockTridiagonalQpSolver {
         refill(&mut self.bound_multiplier, variables, 0.0);
         refill(&mut self.row_weight, rows, 0.0);
         refill(&mut self.row_right, rows, 0.0);
+        refill(&mut self.lower_inverse, variables, 0.0);
+        refill(&mut self.upper_inverse, variables, 0.0);
+        refill(&mut self.multiplier_inverse, rows, 0.0);
+        refill(&mut self.rest_inverse, rows, 0.0);
         self.direction.resize(variables, rows);
         self.affine.resize(variables, rows);
         let force = largest(&qp.gradient).max(1e-3);
@@ -659,6 +716,7 @@ impl BlockTridiagonalQpSolver {
     }
 
     /// Residual of stationarity, Ht + g − Aᵀλ − ζ.
+    #[inline(always)]
     fn refresh_residual(&mut self, qp: &BlockTridiagonalQp) {
         qp.times_hessian(&self.t, &mut self.residual);
         axpy(1.0, &qp.gradient, &mut self.residual);
@@ -668,6 +726,7 @@ impl BlockTridiagonalQpSolver {
     }
 
     /// ½ tᵀHt + gᵀt + Σ w s, from the residual.
+    #[inline(always)]
     fn smooth_objective(&self, qp: &BlockTridiagonalQp) -> f64 {
         let mut objective = dot(&qp.gradient, &self.t);
         for (i, &t) in self.t.iter().enumerate() {
@@ -685,6 +744,7 @@ impl BlockTridiagonalQpSolver {
         objective
     }
 
+    #[inline(always)]
     fn pairs(&self, qp: &BlockTridiagonalQp) -> usize {
         let finite = |bounds: &[f64]| bounds.iter().filter(|b| b.is_finite()).count();
         let priced = qp.rows.iter().filter(|row| row.price.is_finite()).count();
@@ -692,15 +752,18 @@ impl BlockTridiagonalQpSolver {
     }
 
     /// Sum of the products of multipliers and distances.
+    #[inline(always)]
     fn complementarity(&self, qp: &BlockTridiagonalQp) -> f64 {
         self.complementarity_along(qp, 0.0, &Direction::default())
     }
 
     /// The same a step along the current direction.
+    #[inline(always)]
     fn complementarity_after(&self, qp: &BlockTridiagonalQp, step: f64) -> f64 {
         self.complementarity_along(qp, step, &self.direction)
     }
 
+    #[inline(always)]
     fn complementarity_along(&self, qp: &BlockTridiagonalQp, step: f64, along: &Direction) -> f64 {
         let move_by = |v: f64, direction: &[f64], i: usize| {
             v + step * direction.get(i).copied().unwrap_or(0.0)
@@ -726,27 +789,23 @@ impl BlockTridiagonalQpSolver {
     }
 
     /// Factorises the Hessian with the terms of rows and bounds.
+    #[inline(always)]
     fn factorise(&mut self, qp: &BlockTridiagonalQp) -> Result<(), BlockTridiagonalQpError> {
         let k = qp.size;
         self.factor.load(qp.blocks, k, &qp.diagonal, &qp.coupling);
         for (i, (&lower, &upper)) in qp.lower.iter().zip(&qp.upper).enumerate() {
-            let mut weight = 0.0;
-            if lower.is_finite() {
-                weight += self.lower_multiplier[i] / (self.t[i] - lower);
-            }
-            if upper.is_finite() {
-                weight += self.upper_multiplier[i] / (upper - self.t[i]);
-            }
+            let (below, above) = (1.0 / (self.t[i] - lower), 1.0 / (upper - self.t[i]));
+            self.lower_inverse[i] = below;
+            self.upper_inverse[i] = above;
+            let weight = self.lower_multiplier[i] * below + self.upper_multiplier[i] * above;
             self.factor.add_diagonal(i, weight);
         }
         for (i, row) in qp.rows.iter().enumerate() {
             let (value, multiplier) = (self.value[i], self.multiplier[i]);
-            let softness = if row.price.is_finite() {
-                self.slack[i] / (row.price - multiplier)
-            } else {
-                0.0
-            };
-            let weight = 1.0 / (value / multiplier + softness);
+            let (inverse, rest) = (1.0 / multiplier, 1.0 / (row.price - multiplier));
+            self.multiplier_inverse[i] = inverse;
+            self.rest_inverse[i] = rest;
+            let weight = 1.0 / (value * inverse + self.slack[i] * rest);
             self.row_weight[i] = weight;
             self.factor
                 .add_outer_product(row.block as usize, qp.coefficients(row), weight);
@@ -758,41 +817,32 @@ impl BlockTridiagonalQpSolver {
 
     /// The Newton step towards products of `target`, into `direction`; when `correct`, less the
     /// products of the affine steps.
+    #[inline(always)]
     fn newton(&mut self, qp: &BlockTridiagonalQp, target: f64, correct: bool) {
         let k = qp.size;
-        for (right, residual) in self.right.iter_mut().zip(&self.residual) {
-            *right = -residual;
-        }
         let affine = &self.affine;
         let product = |i: usize, a: &[f64], b: &[f64]| if correct { a[i] * b[i] } else { 0.0 };
+        // Where a bound is infinite its inverse distance and its multiplier are 0.
         for i in 0..self.t.len() {
-            if qp.lower[i].is_finite() {
-                let distance = self.t[i] - qp.lower[i];
-                let change = target
-                    - distance * self.lower_multiplier[i]
-                    - product(i, &affine.t, &affine.lower);
-                self.right[i] += change / distance;
-            }
-            if qp.upper[i].is_finite() {
-                let distance = qp.upper[i] - self.t[i];
-                let change = target - distance * self.upper_multiplier[i]
-                    + product(i, &affine.t, &affine.upper);
-                self.right[i] -= change / distance;
-            }
+            let lower = (target - product(i, &affine.t, &affine.lower)) * self.lower_inverse[i];
+            let upper = (target + product(i, &affine.t, &affine.upper)) * self.upper_inverse[i];
+            let lower = lower - self.lower_multiplier[i];
+            let upper = upper - self.upper_multiplier[i];
+            self.right[i] = lower - upper - self.residual[i];
+            self.direction.lower[i] = lower;
+            self.direction.upper[i] = upper;
         }
         for (i, row) in qp.rows.iter().enumerate() {
-            let (value, multiplier) = (self.value[i], self.multiplier[i]);
-            let change =
-                target - value * multiplier - product(i, &affine.value, &affine.multiplier);
-            let mut right = change / multiplier;
+            let along = product(i, &affine.value, &affine.multiplier);
+            let mut right = (target - along) * self.multiplier_inverse[i] - self.value[i];
             if row.price.is_finite() {
-                let rest = row.price - multiplier;
-                let change =
-                    target - self.slack[i] * rest + product(i, &affine.slack, &affine.multiplier);
-                right -= change / rest;
+                let across = product(i, &affine.slack, &affine.multiplier);
+                let slack = (target + across) * self.rest_inverse[i] - self.slack[i];
+                right -= slack;
+                self.direction.slack[i] = slack;
             } else {
                 // The value need not be that of t yet.
-                right -= qp.row_value(row, &self.t) - row.at_least - value;
+                right -= qp.row_value(row, &self.t) - row.at_least - self.value[i];
             }
             self.row_right[i] = right;
             axpy(
@@ -805,30 +855,17 @@ impl BlockTridiagonalQpSolver {
         let direction = &mut self.direction;
         direction.t.copy_from_slice(&self.right);
         for i in 0..self.t.len() {
-            if qp.lower[i].is_finite() {
-                let distance = self.t[i] - qp.lower[i];
-                let multiplier = self.lower_multiplier[i];
-                let change = target - distance * multiplier - product(i, &affine.t, &affine.lower);
-                direction.lower[i] = (change - multiplier * direction.t[i]) / distance;
-            }
-            if qp.upper[i].is_finite() {
-                let distance = qp.upper[i] - self.t[i];
-                let multiplier = self.upper_multiplier[i];
-                let change = target - distance * multiplier + product(i, &affine.t, &affine.upper);
-                direction.upper[i] = (change + multiplier * direction.t[i]) / distance;
-            }
+            let change = direction.t[i];
+            direction.lower[i] -= self.lower_multiplier[i] * self.lower_inverse[i] * change;
+            direction.upper[i] += self.upper_multiplier[i] * self.upper_inverse[i] * change;
         }
         for (i, row) in qp.rows.iter().enumerate() {
             let along = dot(qp.coefficients(row), &direction.t[row.columns(k)]);
             let multiplier = self.row_weight[i] * (self.row_right[i] - along);
             direction.multiplier[i] = multiplier;
             if row.price.is_finite() {
-                let rest = row.price - self.multiplier[i];
-                let change =
-                    target - self.slack[i] * rest + product(i, &affine.slack, &affine.multiplier);
-                let slack = (change + self.slack[i] * multiplier) / rest;
-                direction.slack[i] = slack;
-                direction.value[i] = along + slack;
+                direction.slack[i] += self.slack[i] * self.rest_inverse[i] * multiplier;
+                direction.value[i] = along + direction.slack[i];
             } else {
                 let short = qp.row_value(row, &self.t) - row.at_least - self.value[i];
                 direction.value[i] = along + short;
@@ -837,6 +874,7 @@ impl BlockTridiagonalQpSolver {
     }
 
     /// How far all distances and multipliers stay positive along the direction.
+    #[inline(always)]
     fn longest_step(&self, qp: &BlockTridiagonalQp) -> f64 {
         let direction = &self.direction;
         let mut step = 1.0 / TO_THE_BOUND;
@@ -866,6 +904,7 @@ impl BlockTridiagonalQpSolver {
         step.min(1.0)
     }
 
+    #[inline(always)]
     fn advance(&mut self, qp: &BlockTridiagonalQp, step: f64) {
         let direction = &self.direction;
         axpy(step, &direction.t, &mut self.t);

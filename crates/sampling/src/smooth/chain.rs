@@ -11,9 +11,15 @@ use crate::{
 /// Residual of the points.
 pub(super) const TOLERANCE: f64 = 1e-12;
 /// New meshes aim at this fraction of the longest step and displacement allowed.
-const AIM: f64 = 0.96;
+const AIM: f64 = 0.92;
+/// Where some segments are too long, those beyond this fraction of what is allowed are
+/// split too: they would be the next.
+const NEARLY: f64 = 0.99;
 /// Fractions of a segment that are constrained, at most.
-const MOST_FRACTIONS: usize = 15;
+const MOST_FRACTIONS: usize = 31;
+/// Segments with as many need wider margins too, up to so many times the usual one.
+const MANY_FRACTIONS: usize = 15;
+const WIDEST: f64 = 8.0;
 /// Parameter steps are at least this fraction of their mean.
 const LEAST_WIDTH: f64 = 0.25;
 /// Fewest segments of a path.
@@ -29,6 +35,8 @@ pub(super) struct Chain {
     pub(super) widths: Vec<f64>,
     /// How many fractions of each segment are constrained.
     pub(super) fractions: Vec<usize>,
+    /// The margin of the contacts on each segment, as a multiple of the usual one.
+    pub(super) margins: Vec<f64>,
     pub(super) dimension: usize,
     work: Workspace,
 }
@@ -63,8 +71,17 @@ impl Chain {
             } else {
                 after - 1
             };
-            let chart = Chart::new(manifold, &given[near], dimension, &mut work)
-                .map_err(|error| (near, error))?;
+            let moved = charts.last().and_then(|chart| {
+                let mut moved = chart.clone();
+                moved
+                    .recenter(manifold, &given[near], &mut work)
+                    .then_some(moved)
+            });
+            let chart = match moved {
+                Some(moved) => moved,
+                None => Chart::new(manifold, &given[near], dimension, &mut work)
+                    .map_err(|error| (near, error))?,
+            };
             // Between two points of the path, where that is a point too.
             let width = lengths[after] - lengths[after - 1];
             let mut x = given[near].clone();
@@ -87,6 +104,7 @@ impl Chain {
             charts,
             widths: vec![1.0 / segments as f64; segments],
             fractions: vec![1; segments],
+            margins: vec![1.0; segments],
             dimension,
             work,
         };
@@ -164,18 +182,25 @@ impl Chain {
 
     /// Splits the segments that are longer than `step` or move points farther
     /// than `displacement` into halves; returns how many there are.
+    ///
+    /// # Errors
+    /// A segment between whose ends no point of the manifold was found: the path is
+    /// torn there.
     pub(super) fn split<M: ImplicitManifold + ?Sized, V: Validity>(
         &mut self,
         manifold: &M,
         validity: &V,
         step: f64,
         displacement: f64,
-    ) -> usize {
+    ) -> Result<usize, usize> {
         let needed = self.needed(validity, step, displacement);
+        if needed.iter().all(|&n| n <= 1.0) {
+            return Ok(0);
+        }
         let mut count = 0;
-        for segment in (0..needed.len()).rev().filter(|&i| needed[i] > 1.0) {
+        for segment in (0..needed.len()).rev().filter(|&i| needed[i] > NEARLY) {
             count += 1;
-            let (x, chart) = self.between(manifold, segment, 0.5);
+            let (x, chart) = self.between(manifold, segment, 0.5).ok_or(segment)?;
             self.points.insert(segment + 1, x);
             self.charts.insert(segment, chart);
             let half = 0.5 * self.widths[segment];
@@ -184,48 +209,60 @@ impl Chain {
             let fractions = (self.fractions[segment] / 2).max(1);
             self.fractions[segment] = fractions;
             self.fractions.insert(segment + 1, fractions);
+            self.margins.insert(segment + 1, self.margins[segment]);
         }
         self.respace();
-        count
+        Ok(count)
     }
 
-    /// A point of the manifold at a fraction of a segment, and its chart.
+    /// A point of the manifold at a fraction of a segment, and its chart; `None` where
+    /// neither of the charts around reaches it.
     fn between<M: ImplicitManifold + ?Sized>(
         &mut self,
         manifold: &M,
         segment: usize,
         s: f64,
-    ) -> (Vec<f64>, Chart) {
-        // The chart of the nearer of the two points around.
-        let near = if s < 0.5 { segment } else { segment + 1 };
-        let chart = &self.charts[near.clamp(1, self.charts.len()) - 1];
-        let mut x = self.points[segment].clone();
-        interpolate(&self.points[segment], &self.points[segment + 1], s, &mut x);
-        if chart
-            .retract(manifold, &mut x, TOLERANCE, &mut self.work)
-            .is_err()
-        {
-            x.copy_from_slice(&self.points[near]);
+    ) -> Option<(Vec<f64>, Chart)> {
+        let mut x = vec![0.0; self.points[segment].len()];
+        // The chart of the nearer of the two points around first.
+        let ends = if s < 0.5 {
+            [segment, segment + 1]
+        } else {
+            [segment + 1, segment]
+        };
+        let charts = ends.map(|point| &self.charts[point.clamp(1, self.charts.len()) - 1]);
+        for chart in charts {
+            interpolate(&self.points[segment], &self.points[segment + 1], s, &mut x);
+            if chart
+                .retract(manifold, &mut x, TOLERANCE, &mut self.work)
+                .is_err()
+            {
+                continue;
+            }
+            let mut moved = chart.clone();
+            if moved.recenter(manifold, &x, &mut self.work) {
+                return Some((x, moved));
+            }
+            if let Ok(new) = Chart::new(manifold, &x, self.dimension, &mut self.work) {
+                return Some((x, new));
+            }
         }
-        let mut moved = chart.clone();
-        if !moved.recenter(manifold, &x, &mut self.work)
-            && let Ok(new) = Chart::new(manifold, &x, self.dimension, &mut self.work)
-        {
-            moved = new;
-        }
-        (x, moved)
+        None
     }
 
     /// Makes a new mesh with steps of at most `step` and displacements of at most
     /// `displacement`, finer where points move faster. New points are put on the
     /// manifold between the old ones.
+    ///
+    /// # Errors
+    /// A segment where that is not possible: the path is torn there.
     pub(super) fn remesh<M: ImplicitManifold + ?Sized, V: Validity>(
         &mut self,
         manifold: &M,
         validity: &V,
         step: f64,
         displacement: f64,
-    ) {
+    ) -> Result<(), usize> {
         let needed = self.needed(validity, step, displacement);
         let needed: Vec<f64> = (0..needed.len())
             .map(|i| {
@@ -237,7 +274,7 @@ impl Chain {
         let total: f64 = needed.iter().sum();
         let segments = (total.ceil() as usize).max(FEWEST_SEGMENTS);
         let (mut points, mut charts) = (vec![self.points[0].clone()], Vec::new());
-        let (mut widths, mut fractions) = (Vec::new(), Vec::new());
+        let (mut widths, mut fractions, mut margins) = (Vec::new(), Vec::new(), Vec::new());
         let mut old = 0;
         let mut passed = 0.0;
         let mut parameter = 0.0;
@@ -245,8 +282,10 @@ impl Chain {
         for i in 1..=segments {
             let at = total * i as f64 / segments as f64;
             let mut spacing = f64::INFINITY;
+            let mut margin = 1.0_f64;
             loop {
                 spacing = spacing.min(self.widths[old] / (self.fractions[old] + 1) as f64);
+                margin = margin.max(self.margins[old]);
                 if old + 1 == self.segments() || passed + needed[old] >= at {
                     break;
                 }
@@ -265,11 +304,12 @@ impl Chain {
             parameter_before = here;
             let rows = (width / spacing).ceil() as usize;
             fractions.push(rows.saturating_sub(1).clamp(1, MOST_FRACTIONS));
+            margins.push(margin);
             if i == segments {
                 points.push(self.points[self.points.len() - 1].clone());
                 break;
             }
-            let (x, moved) = self.between(manifold, old, s);
+            let (x, moved) = self.between(manifold, old, s).ok_or(old)?;
             points.push(x);
             charts.push(moved);
         }
@@ -277,22 +317,34 @@ impl Chain {
         self.charts = charts;
         self.widths = widths;
         self.fractions = fractions;
+        self.margins = margins;
         self.respace();
+        Ok(())
     }
 
-    /// Constrains more fractions of some segments and of their neighbours;
-    /// `false` where these are as many as may be.
+    /// Constrains more fractions of some segments and of their neighbours, and where
+    /// these are many, with wider margins; `false` where nothing can be raised.
     pub(super) fn watch_closer(&mut self, segments: &[usize]) -> bool {
         let mut more = false;
-        let mut raised = self.fractions.clone();
+        let (before, margins_before) = (self.fractions.clone(), self.margins.clone());
         for &segment in segments {
             let last = (segment + 1).min(self.segments() - 1);
             for near in segment.saturating_sub(1)..=last {
-                raised[near] = (2 * self.fractions[near] + 1).min(MOST_FRACTIONS);
-                more |= near == segment && raised[near] > self.fractions[near];
+                let raised = if near == segment {
+                    4 * before[near] + 3
+                } else {
+                    2 * before[near] + 1
+                };
+                let raised = raised.min(MOST_FRACTIONS);
+                self.fractions[near] = self.fractions[near].max(raised);
+                if before[segment] >= MANY_FRACTIONS {
+                    let raised = (2.0 * margins_before[near]).min(WIDEST);
+                    self.margins[near] = self.margins[near].max(raised);
+                }
             }
+            more |= self.fractions[segment] > before[segment]
+                || self.margins[segment] > margins_before[segment];
         }
-        self.fractions = raised;
         more
     }
 

@@ -5,7 +5,7 @@
 //! forces of active inequalities, has multipliers y = Bᵀ w, this adds
 //! −Φᵀ (Σ yⱼ ∇²Fⱼ) Φ to the Hessian in tangent coordinates. The products ∇²F φ are
 //! differences of the Jacobian along the tangent vectors, exact where the
-//! equations are quadratic. Cost: k Jacobians, k² m and m r multiplications.
+//! equations are quadratic. Cost: k + 1 Jacobians, k² m and m r multiplications.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use tensegra_atlas::{Chart, ImplicitManifold};
@@ -39,14 +39,13 @@ impl Curvature {
         let [after, before] = &mut self.jacobians;
         after.resize(pattern.len(), 0.0);
         before.resize(pattern.len(), 0.0);
+        manifold.jacobian(x, before);
         self.moved.resize(x.len(), 0.0);
         for j in 0..k {
-            for (values, step) in [(&mut *after, STEP), (&mut *before, -STEP)] {
-                for ((y, x), v) in self.moved.iter_mut().zip(x).zip(chart.tangent(j)) {
-                    *y = x + step * v;
-                }
-                manifold.jacobian(&self.moved, values);
+            for ((y, x), v) in self.moved.iter_mut().zip(x).zip(chart.tangent(j)) {
+                *y = x + STEP * v;
             }
+            manifold.jacobian(&self.moved, after);
             self.change.clear();
             self.change.resize(x.len(), 0.0);
             for (row, &y) in self.multipliers.iter().enumerate().filter(|m| *m.1 != 0.0) {
@@ -57,8 +56,7 @@ impl Curvature {
                 }
             }
             for i in 0..k {
-                matrix[i * k + j] =
-                    super::relax::dot(chart.tangent(i), &self.change) / (2.0 * STEP);
+                matrix[i * k + j] = super::relax::dot(chart.tangent(i), &self.change) / STEP;
             }
         }
         for i in 0..k {

@@ -42,6 +42,8 @@ use self::{
     relax::{Relaxation, Relaxed},
 };
 
+/// Iterations on the first fine mesh, at most.
+const ROUGH_ITERATIONS: usize = 20;
 /// First trust radius on a fine mesh, and after small changes of it, as parts of
 /// the largest.
 const FINE_RADIUS: f64 = 0.1;
@@ -127,6 +129,17 @@ pub enum SmoothError {
         index: usize,
         /// What is wrong.
         error: ManifoldError,
+    },
+    /// Two points next to each other are on different sheets of the manifold.
+    #[error(
+        "the path is torn: between the ends of segment {segment} of {segments} no point of the \
+         manifold was found"
+    )]
+    Torn {
+        /// The segment.
+        segment: usize,
+        /// Segments of the path.
+        segments: usize,
     },
     /// No path that is clear throughout was reached.
     #[error(
@@ -274,36 +287,50 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
             )
             .ok_or(SmoothError::Cancelled)?;
         let (step, displacement) = (options.step, self.max_displacement);
-        chain.remesh(self.manifold, self.validity, step, displacement);
+        let torn = |segment, chain: &Chain| SmoothError::Torn {
+            segment,
+            segments: chain.segments(),
+        };
+        chain
+            .remesh(self.manifold, self.validity, step, displacement)
+            .map_err(|segment| torn(segment, &chain))?;
         let mut radius = FINE_RADIUS * options.trust_radius;
         let mut blocked = Vec::new();
         for round in 0..=options.max_rounds {
             // The first fine mesh is rarely the last one.
             let rough = round == 0 && options.max_rounds > 0;
-            let goal = if rough { 3.0 } else { 1.0 } * options.optimality;
+            let (looser, iterations) = if rough {
+                (3.0, options.fine_iterations.min(ROUGH_ITERATIONS))
+            } else {
+                (1.0, options.fine_iterations)
+            };
             relaxed = relaxation
                 .relax(
                     &mut chain,
-                    [goal, radius],
-                    options.fine_iterations,
+                    [looser * options.optimality, radius],
+                    iterations,
                     &mut report,
                 )
                 .ok_or(SmoothError::Cancelled)?;
-            let split = chain.split(self.manifold, self.validity, step, displacement);
+            let split = chain
+                .split(self.manifold, self.validity, step, displacement)
+                .map_err(|segment| torn(segment, &chain))?;
             blocked = relaxation.blocked(&chain);
             let fine = !rough || relaxed.optimality <= options.optimality;
             let done = fine && split == 0 && blocked.is_empty() && relaxed.violation == 0.0;
             if done || round == options.max_rounds {
                 break;
             }
-            // What was never on a fine mesh may need a new one.
-            if 4 * split > chain.segments() {
-                chain.remesh(self.manifold, self.validity, step, displacement);
-            } else {
-                radius = LATE_RADIUS * options.trust_radius;
-            }
             if !blocked.is_empty() && !chain.watch_closer(&blocked) {
                 relaxation.widen_margin();
+            }
+            // What was never on a fine mesh may need a new one.
+            if 4 * split > chain.segments() {
+                chain
+                    .remesh(self.manifold, self.validity, step, displacement)
+                    .map_err(|segment| torn(segment, &chain))?;
+            } else {
+                radius = LATE_RADIUS * options.trust_radius;
             }
         }
         if !blocked.is_empty() || relaxed.violation > 0.0 {

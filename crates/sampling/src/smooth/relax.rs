@@ -18,6 +18,8 @@ const FIRST_PRICE: f64 = 30.0;
 const LAST_PRICE: f64 = 1e5;
 /// A step is taken when it achieves this fraction of what the model promises.
 const LEAST_GAIN: f64 = 0.05;
+/// Tolerance of the programmes' solutions.
+const QP_TOLERANCE: f64 = 1e-6;
 /// Smallest trust radius.
 const SMALLEST_RADIUS: f64 = 1e-6;
 /// Contacts within this multiple of the trust radius are found.
@@ -106,7 +108,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             price: FIRST_PRICE * chain.length(),
             iterations: 0,
             qp: BlockTridiagonalQp::default(),
-            solver: BlockTridiagonalQpSolver::new().tolerance(1e-7),
+            solver: BlockTridiagonalQpSolver::new().tolerance(QP_TOLERANCE),
             rows: Rows::default(),
             trial_rows: Rows::default(),
             cuts: Vec::new(),

@@ -244,7 +244,8 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Finder<'a, M, V> {
         for segment in 0..segments {
             if segment > 0 {
                 self.limits_at(&points[segment], segment, reach, rows);
-                self.contacts_at(&points[segment], segment, 0.0, reach, rows);
+                let margin = chain.margins[segment].max(chain.margins[segment - 1]);
+                self.contacts_at(&points[segment], segment, [0.0, margin], reach, rows);
             }
             let count = chain.fractions[segment];
             let chart = chain.chart_of_segment(segment);
@@ -256,7 +257,8 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Finder<'a, M, V> {
                     .retract(self.manifold, &mut y, TOLERANCE, &mut self.work)
                     .is_ok()
                 {
-                    self.contacts_at(&y, segment, fraction, reach, rows);
+                    let margin = chain.margins[segment];
+                    self.contacts_at(&y, segment, [fraction, margin], reach, rows);
                 }
                 self.between = y;
             }
@@ -295,29 +297,25 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Finder<'a, M, V> {
         }
     }
 
+    /// Contacts at a fraction of a segment, with a multiple of the margin.
     fn contacts_at(
         &mut self,
         x: &[f64],
         segment: usize,
-        fraction: f64,
+        [fraction, multiple]: [f64; 2],
         reach: f64,
         rows: &mut Rows,
     ) {
+        let widest = multiple * self.contact_margin;
         self.contacts.clear();
-        self.validity.contacts(
-            x,
-            &mut self.memory,
-            reach + self.contact_margin,
-            &mut self.contacts,
-        );
+        self.validity
+            .contacts(x, &mut self.memory, reach + widest, &mut self.contacts);
         for row in self.contacts.iter() {
             let margin = self
                 .admitted
                 .iter()
                 .filter(|(contact, _)| *contact == row.contact)
-                .fold(self.contact_margin, |margin, &(_, admitted)| {
-                    margin.min(admitted)
-                });
+                .fold(widest, |margin, &(_, admitted)| margin.min(admitted));
             let head = Head {
                 segment,
                 fraction,
