@@ -411,17 +411,22 @@ fn motions_are_stored_and_used_again() {
     let stored = std::fs::read_to_string(&motions).unwrap();
     let walk = |report: &Value| (report["cost"].clone(), report["steps"].clone());
     let first = json(&first);
+    let source = |report: &Value| report["motions"]["source"].clone();
+    assert_eq!(source(&first), "optimised");
+    assert_eq!(first["motions"]["file"], text(&motions));
 
     // The same walk again, without optimising; a start elsewhere is no obstacle.
     let again = run(toml);
     assert!(again.status.success(), "{again:?}");
     assert_eq!(walk(&json(&again)), walk(&first));
+    assert_eq!(source(&json(&again)), "file");
     let moved = toml.replace("preset", "centre_of_mass = [0.3, -0.2]\npreset");
     assert_eq!(json(&run(&moved))["solved"], true);
     assert_eq!(std::fs::read_to_string(&motions).unwrap(), stored);
 
     // What does not fit is refused, and the file left alone.
     let cut = &stored[..stored.len() / 2];
+    let older = stored.replacen("\"version\":2", "\"version\":1", 1);
     for (toml, file, reason) in [
         (toml.replace("octahedron", "k5"), &*stored, "another robot"),
         (
@@ -436,6 +441,7 @@ fn motions_are_stored_and_used_again() {
         ),
         (toml.replace("two-tier", "greedy"), &*stored, "--motions"),
         (toml.to_owned(), cut, "not a file of motions"),
+        (toml.to_owned(), &*older, "optimised anew"),
     ] {
         std::fs::write(&motions, file).unwrap();
         let output = run(&toml);

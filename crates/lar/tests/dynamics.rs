@@ -3,8 +3,10 @@
 mod common;
 
 use common::{known_primitive, known_primitives};
+use nalgebra::Point2;
 use tensegra_lar::{
-    DynamicsError, DynamicsOptions, Limits, RobotAtStart, SupportedMotion, simulate_motion, unit_k5,
+    DynamicsError, DynamicsOptions, GridGoal, Limits, Piece, PrimitiveLibrary, PrimitiveOptions,
+    RobotAtStart, SupportedMotion, TwoTierPlanner, simulate_motion, unit_k5,
 };
 
 #[test]
@@ -49,6 +51,40 @@ fn gaits_of_six_seconds_are_followed_within_a_centimetre() {
         for (a, b) in report.final_coordinates.iter().zip(end) {
             assert!((a - b).abs() < 0.03, "{}: {a} {b}", known.name);
         }
+    }
+}
+
+#[test]
+fn walks_by_the_everting_gait_that_turns_are_followed() {
+    let one = known_primitive("k5-everting").primitive();
+    let symmetric = one.symmetric_robot().clone();
+    let library = PrimitiveLibrary::new(one)
+        .with_gait(&PrimitiveOptions::default())
+        .unwrap();
+    // The centre of mass falls no farther than the bound, and the roll is symmetric.
+    let turn = library.gait().unwrap().turn();
+    let robot = symmetric.robot();
+    let centre = [0, 1].map(|k| robot.centre_of_mass(&turn.configurations[k]));
+    assert!(centre[0].z - centre[1].z < 0.1 + 1e-6);
+    assert!(centre.iter().all(|centre| centre.y.abs() < 1e-6));
+
+    // Turns to both sides, and back over a side.
+    let goals = [[1.6, 0.9], [1.0, 0.2]].map(|[x, y]| GridGoal::Point(Point2::new(x, y)));
+    let planner = TwoTierPlanner::new(&library);
+    let walk = planner.walk(&symmetric.start(), &goals).unwrap();
+    for piece in [Piece::Entry, Piece::Turn, Piece::Exit] {
+        assert!(walk.pieces.contains(&piece), "{:?}", walk.pieces);
+    }
+    let rolls = walk.motion.rolls.len() as f64;
+    for seconds in [6.0, 10.0] {
+        let options = DynamicsOptions::default();
+        let report = simulate_motion(robot, &walk.motion, seconds * rolls, &options).unwrap();
+        assert!(!report.lost);
+        assert!(
+            report.mean_error < 0.01,
+            "{seconds} s: {}",
+            report.mean_error
+        );
     }
 }
 

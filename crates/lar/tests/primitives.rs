@@ -6,9 +6,10 @@ use common::{check_motion, known_primitive, known_primitives};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use tensegra_lar::{
-    Limits, Primitive, PrimitiveError, PrimitiveOptions, RobotAtStart, Support, SymmetricRobot,
-    SymmetryError, Turn, TurningGait, check_symmetry, extend_primitive, find_cheapest_primitive,
-    find_gait, find_primitive, find_turning_gait, solve_primitive, straight_strip, unit_k5,
+    Gait, Limits, MotionFileError, Primitive, PrimitiveError, PrimitiveOptions, RobotAtStart,
+    Support, SymmetricRobot, SymmetryError, Turn, TurningGait, check_symmetry, extend_primitive,
+    find_cheapest_primitive, find_gait, find_primitive, find_turning_gait, solve_primitive,
+    straight_strip, unit_k5,
 };
 
 #[test]
@@ -193,13 +194,87 @@ fn primitives_are_placed_mirrored_and_stored() {
     assert!(one.place(&crooked, 0, false).is_none());
 }
 
-/// A gait as JSON, changed by `edit`, and why it is refused.
-fn refusal(text: &str, edit: impl FnOnce(&mut serde_json::Value)) -> String {
+/// Text of a gait, changed by `edit`, as `read` refuses it.
+fn refusal<G: std::fmt::Debug>(
+    read: impl Fn(&str) -> Result<G, MotionFileError>,
+    text: &str,
+    edit: impl FnOnce(&mut serde_json::Value),
+) -> String {
     let mut value: serde_json::Value = serde_json::from_str(text).unwrap();
     edit(&mut value);
-    TurningGait::from_json(&value.to_string())
-        .unwrap_err()
-        .to_string()
+    read(&value.to_string()).unwrap_err().to_string()
+}
+
+#[test]
+fn strip_gaits_are_placed_mirrored_and_stored() {
+    let one = known_primitive("k5-rolling").primitive();
+    let gait = find_gait(&one, &PrimitiveOptions::default()).unwrap().best;
+    let text = gait.to_json();
+    let read = Gait::from_json(&text).unwrap();
+    assert!((read.cost() - gait.cost()).abs() < 1e-9);
+    assert_eq!(Gait::from_json(&read.to_json()).unwrap(), read);
+    let symmetric = read.symmetric_robot();
+    let (_, verdict) = check_motion(symmetric, &read.repeat(4));
+    assert!(verdict.valid, "{:?}", verdict.faults.first());
+
+    // The mirror image walks a strip that begins with a turn to the right, as cheaply.
+    let right = symmetric
+        .place(read.motion(), &symmetric.start(), symmetric.side(), true)
+        .unwrap();
+    assert_ne!(right.configurations[1], read.motion().configurations[1]);
+    let (_, verdict) = check_motion(symmetric, &right);
+    assert!(verdict.valid, "{:?}", verdict.faults.first());
+
+    // Contents are judged, not trusted.
+    let point = "/motion/period/5/4/2";
+    for (pointer, value, reason) in [
+        ("/version", 1.into(), "optimised anew"),
+        ("/format", "tensegra-gait".into(), "tensegra-strip-gait"),
+        (point, serde_json::Value::Null, "invalid type: null"),
+        (point, 1e300.into(), "configuration 5"),
+        (point, (-0.1).into(), "configuration 5"),
+        ("/motion/period/5", serde_json::json!([]), "0 nodes"),
+        ("/motion/period", serde_json::json!([]), "0 configurations"),
+        ("/robot/limits/max_length", 0.9.into(), "greatest length"),
+        ("/robot/limits/max_length", (-4.0).into(), "max_length"),
+        (
+            "/robot/nodes",
+            1_000_000_000_000_u64.into(),
+            "the start has 5",
+        ),
+        ("/robot/nodes", (-5).into(), "-5"),
+        ("/robot/edges/0/1", 17.into(), "17"),
+        ("/robot/support/0", 17.into(), "node 17"),
+        ("/robot/side", 3.into(), "side 3"),
+        ("/robot/roles", serde_json::json!([0]), "renaming"),
+        ("/robot/mass_fractions/0", 1e308.into(), "mass"),
+    ] {
+        let edit = |file: &mut serde_json::Value| *file.pointer_mut(pointer).unwrap() = value;
+        let message = refusal(Gait::from_json, &text, edit);
+        assert!(message.contains(reason), "{pointer}: {message}");
+    }
+    // A huge limit on lengths lets no motion of huge steps through, nor long judging.
+    let message = refusal(Gait::from_json, &text, |file| {
+        file["robot"]["limits"]["max_length"] = 1e200.into();
+        file["motion"]["period"][7][4] = serde_json::json!([1e150, 0.0, 1e150]);
+    });
+    assert!(message.contains("configuration 7"), "{message}");
+    // A period that does not end where the next begins.
+    let message = refusal(Gait::from_json, &text, |file| {
+        file["motion"]["period"].as_array_mut().unwrap().pop();
+    });
+    assert!(message.contains("the end of its period"), "{message}");
+    // A roll from a configuration whose centre of mass is not above the side.
+    let message = refusal(Gait::from_json, &text, |file| {
+        let start = file["robot"]["start"].clone();
+        let period = file["motion"]["period"].as_array_mut().unwrap();
+        period.insert(0, start);
+    });
+    assert!(message.contains("does not fit"), "{message}");
+    let message = refusal(Gait::from_json, &text, |file| {
+        file["robot"].as_object_mut().unwrap().remove("limits");
+    });
+    assert!(message.contains("limits"), "{message}");
 }
 
 #[test]
@@ -243,14 +318,16 @@ fn gaits_are_placed_mirrored_and_stored() {
         ("/robot/roles/0", 1.into(), "renaming"),
         ("/robot/start/0/0", (-0.8).into(), "equilateral"),
     ] {
-        let message = refusal(&text, |file| *file.pointer_mut(pointer).unwrap() = value);
+        let message = refusal(TurningGait::from_json, &text, |file| {
+            *file.pointer_mut(pointer).unwrap() = value
+        });
         assert!(message.contains(reason), "{pointer}: {message}");
     }
-    let message = refusal(&text, |file| {
+    let message = refusal(TurningGait::from_json, &text, |file| {
         file["motion"]["turn"].as_array_mut().unwrap().pop();
     });
     assert!(message.contains("the end of its turn"), "{message}");
-    let message = refusal(&text, |file| {
+    let message = refusal(TurningGait::from_json, &text, |file| {
         file["motion"]["entry"].as_array_mut().unwrap().remove(0);
     });
     assert!(message.contains("the start of its entry"), "{message}");

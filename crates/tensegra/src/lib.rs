@@ -50,8 +50,8 @@ pub use smoothing::{
 };
 pub use tracing::{Motion, Trace, TraceError, TraceSetup, TraceStep, TraceStop, Tracer, trace};
 pub use walking::{
-    StoredMotionsError, is_bad_input, plan_walk, plan_walk_with_motions, read_walk_problem,
-    simulate_walk,
+    MotionSource, StoredMotionsError, is_bad_input, plan_walk, plan_walk_with_motions,
+    read_walk_problem, simulate_walk,
 };
 
 /// What most programs need.

@@ -76,6 +76,15 @@ pub enum StoredMotionsError {
     Write(#[from] WriteError),
 }
 
+/// Where the motions of a two-tier walk came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MotionSource {
+    /// They were read from a file.
+    File,
+    /// They were optimised.
+    Optimised,
+}
+
 /// Plans a two-tier walk by the motions in `file` and checks it. Where there is no such file, the
 /// motions are optimised and written first. The statistics tell the processor time that this and
 /// planning take.
@@ -85,19 +94,22 @@ pub enum StoredMotionsError {
 pub fn plan_walk_with_motions(
     problem: &WalkProblem,
     file: &Path,
-) -> Result<PlannedWalk, StoredMotionsError> {
+) -> Result<(PlannedWalk, MotionSource), StoredMotionsError> {
     let start = ThreadTime::now();
-    let library = match std::fs::read_to_string(file) {
-        Ok(text) => PrimitiveLibrary::from_json(&text, problem).map_err(|reason| {
-            StoredMotionsError::Unfit {
-                file: file.to_path_buf(),
-                reason,
-            }
-        })?,
+    let (library, source) = match std::fs::read_to_string(file) {
+        Ok(text) => {
+            let library = PrimitiveLibrary::from_json(&text, problem).map_err(|reason| {
+                StoredMotionsError::Unfit {
+                    file: file.to_path_buf(),
+                    reason,
+                }
+            })?;
+            (library, MotionSource::File)
+        }
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
             let library = primitive_library(problem)?;
             write_atomic(file, library.to_json(&problem.two_tier).as_bytes())?;
-            library
+            (library, MotionSource::Optimised)
         }
         Err(reason) => {
             return Err(StoredMotionsError::Unreadable {
@@ -107,7 +119,7 @@ pub fn plan_walk_with_motions(
         }
     };
     let clock = || start.elapsed().as_secs_f64();
-    Ok(plan_two_tier(problem, &library, &clock)?)
+    Ok((plan_two_tier(problem, &library, &clock)?, source))
 }
 
 /// Whether a walk was not planned because the problem does not permit it, rather than because

@@ -24,8 +24,9 @@ Cases: `primitives` (one roll, from a given shape at the tip and from the generi
 `gaits` (cost per roll over two to four rolls and of the periodic gait, relative to one roll), \
 `greedy` and `two-tier` (random sequences of five waypoints in a square of side 5, the robot \
 starting in its middle; greedily with recovery unless said otherwise, two-tier with primitives of \
-up to so many rolls, by default two and the periodic gait that can turn), `random` (random robots travel 5 units), `dynamics` (one roll under \
-length control, nodes of 1 kg).
+up to so many rolls, by default two and the periodic gait that can turn; with it, the first walks \
+are simulated as well), `random` (random robots travel 5 units), `dynamics` (one roll under length \
+control, nodes of 1 kg).
 
 References: `paper`, as printed; `IPOPT`, the same problems stated with CasADi and solved by \
 IPOPT on a machine like the one below (walks: small samples).

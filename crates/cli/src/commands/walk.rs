@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::ValueEnum;
 use serde_json::{Value, json};
 use tensegra::{
-    StoredMotionsError,
+    MotionSource, StoredMotionsError,
     io::{
         LogOptions, TrackingRun, draw_gait, draw_grid_plan, draw_margins, draw_track,
         draw_tracking_error, write_walk_file, write_walk_log,
@@ -104,6 +104,8 @@ struct Outcome {
 
 struct Planned {
     walk: Walk,
+    /// Two-tier walks: where the motions came from, and the file that holds them, if any.
+    motions: Option<(MotionSource, Option<PathBuf>)>,
     check: WalkCheck,
     simulations: Vec<(f64, DynamicsReport)>,
     write_seconds: f64,
@@ -172,7 +174,9 @@ fn plan_one(
 ) -> Result<Outcome, Failure> {
     let spinner = Spinner::steady(&format!("planning {}", problem.name));
     let result = match &arguments.motions {
-        None => tensegra::plan_walk(problem).map_err(StoredMotionsError::from),
+        None => tensegra::plan_walk(problem)
+            .map(|planned| (planned, MotionSource::Optimised))
+            .map_err(StoredMotionsError::from),
         Some(file) => tensegra::plan_walk_with_motions(problem, file),
     };
     drop(spinner);
@@ -181,7 +185,7 @@ fn plan_one(
         planner: problem.planner,
         result,
     };
-    let planned = match result {
+    let (planned, source) = match result {
         Ok(planned) => planned,
         Err(StoredMotionsError::Plan(error)) if tensegra::is_bad_input(&error) => {
             let file = arguments.problem.display();
@@ -203,8 +207,10 @@ fn plan_one(
     let pictures = arguments.seeds.is_none() && !arguments.no_pictures;
     let files = write(problem, &planned, &simulations, folder, pictures)?;
     let check = planned.walk.check.clone().unwrap_or_default();
+    let two_tier = planned.two_tier.is_some();
     Ok(outcome(Ok(Planned {
         walk: planned.walk,
+        motions: two_tier.then(|| (source, arguments.motions.clone())),
         check,
         simulations,
         write_seconds: clock.elapsed().as_secs_f64(),
@@ -305,6 +311,13 @@ fn as_json(outcome: &Outcome) -> Value {
                 "actuation": statistics.actuation,
                 "distance": statistics.distance,
                 "planning_seconds": statistics.seconds,
+                "motions": planned.motions.as_ref().map(|(source, file)| {
+                    let source = match source {
+                        MotionSource::File => "file",
+                        MotionSource::Optimised => "optimised",
+                    };
+                    json!({ "source": source, "file": file })
+                }),
                 "smallest_clearance": statistics.certified_clearance,
                 "path": planned.files[0],
                 "files": planned.files,
@@ -321,6 +334,7 @@ fn as_json(outcome: &Outcome) -> Value {
             "rolls": null,
             "cost": null,
             "planning_seconds": null,
+            "motions": null,
             "smallest_clearance": null,
             "path": null,
             "check": null,
@@ -353,6 +367,19 @@ fn print_one(outcome: &Outcome) {
         "time               planning {:.4} s, writing {:.3} s",
         statistics.seconds, planned.write_seconds
     );
+    match &planned.motions {
+        Some((MotionSource::File, Some(file))) => {
+            println!("motions            read from {}", file.display());
+        }
+        Some((_, Some(file))) => {
+            println!(
+                "motions            optimised, written to {}",
+                file.display()
+            );
+        }
+        Some((_, None)) => println!("motions            optimised"),
+        None => {}
+    }
     println!(
         "walk               {} steps, {} rolls, straight distance {:.3}",
         walk.configurations.len().saturating_sub(1),

@@ -7,24 +7,38 @@
 
 use super::motion::{Ends, TipMirror};
 use super::search::{Sequence, Solved, interpolate, repeated, resample, solve_full};
-use super::sequence::{Stance, SymmetricRobot, Turn, straight_strip};
+use super::sequence::{Stance, SymmetricRobot, Turn, next_side, straight_strip};
 use super::symmetry::match_nodes;
 use super::{
     Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveOptions, SupportedMotion, actuation_cost,
     length_ratio,
 };
-use crate::{GroundIsometry, Robot, Support};
+use crate::{DynamicsOptions, GroundIsometry, Robot, Support, simulate_motion};
 
 /// A periodic gait (equation (39)): from the tipping configuration of one roll to that of the
 /// next, of the same shape, along a straight strip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gait {
-    symmetric: SymmetricRobot,
-    motion: SupportedMotion,
-    period: Period,
+    pub(super) symmetric: SymmetricRobot,
+    pub(super) motion: SupportedMotion,
+    pub(super) period: Period,
 }
 
 impl Gait {
+    /// The robot with the stance and the renaming that the gait belongs to.
+    #[must_use]
+    pub fn symmetric_robot(&self) -> &SymmetricRobot {
+        &self.symmetric
+    }
+
+    /// One period with its supports: over the roll that leads from the stance over its side, to
+    /// the tipping configuration of the side to the left. Mirrored by
+    /// [`SymmetricRobot::place`], it leads to that of the side to the right.
+    #[must_use]
+    pub fn motion(&self) -> &SupportedMotion {
+        &self.motion
+    }
+
     /// Coordinates of each configuration of one period. The first is the tipping configuration;
     /// the robot rolls between the first and the second.
     #[must_use]
@@ -127,7 +141,7 @@ pub fn find_gait(
     options.validate()?;
     let symmetric = primitive.symmetric_robot();
     let sequence = Sequence::new(symmetric, &straight_strip(2))?;
-    let period = glide(symmetric, &sequence).ok_or(PrimitiveError::Sequence)?;
+    let (_, period) = strip_period(symmetric).ok_or(PrimitiveError::Sequence)?;
     let Solved { motion, attempt } = solve_period(primitive, &sequence, &period, None, options)?;
     let best = Gait {
         symmetric: symmetric.clone(),
@@ -172,12 +186,13 @@ fn solve_period(
     }
 }
 
-/// The isometry and renaming that carry the first stance of a straight strip, with its roll, to
-/// the second.
-fn glide(symmetric: &SymmetricRobot, sequence: &Sequence<'_>) -> Option<Period> {
-    let (stance, next) = (&sequence.stances[0], &sequence.stances[1]);
+/// The stances along two rolls of a straight strip, and what carries the first, with its roll, to
+/// the second. None where the strip does not lead along symmetric stances.
+pub(super) fn strip_period(symmetric: &SymmetricRobot) -> Option<(Vec<Stance>, Period)> {
+    let (stances, rolls) = symmetric.sequence(&straight_strip(2))?;
+    let (stance, next) = (&stances[0], &stances[1]);
     let dimension = symmetric.robot().dimension();
-    let (first, second) = (&sequence.rolls[0], &sequence.rolls[1]);
+    let (first, second) = (&rolls[0], &rolls[1]);
     // The pivot that stays is the image of the one that lifts next: v₁ → v₂ while v₀ → v₁.
     let lifts = second.lifted;
     let stays = if first.pivots[0] == lifts {
@@ -188,7 +203,7 @@ fn glide(symmetric: &SymmetricRobot, sequence: &Sequence<'_>) -> Option<Period> 
     let at = |stance: &Stance, node: usize| dimension.node(&stance.coordinates, node);
     let from = [at(stance, first.lifted), at(stance, lifts)];
     let to = [at(next, lifts), at(next, stays)];
-    [true, false].into_iter().find_map(|mirrored| {
+    let period = [true, false].into_iter().find_map(|mirrored| {
         let map = GroundIsometry::between_segments(from, to, mirrored, 1e-6)?;
         let image = map.apply(&at(stance, stays));
         if (image - at(next, second.pivots.iter().copied().find(|&n| n != stays)?)).norm() > 1e-6 {
@@ -203,7 +218,8 @@ fn glide(symmetric: &SymmetricRobot, sequence: &Sequence<'_>) -> Option<Period> 
         )
         .ok()?;
         Some(Period { map, roles })
-    })
+    })?;
+    Some((stances, period))
 }
 
 /// A periodic gait that can turn.
@@ -291,6 +307,61 @@ impl TurningGait {
     }
 }
 
+impl TurningGait {
+    /// Whether a simulated robot follows the way back, entered from the stance and left by a turn.
+    /// None without a way back.
+    fn follows_back(&self) -> Option<bool> {
+        let back = self.back.as_ref()?;
+        let (symmetric, robot) = (&self.symmetric, self.symmetric.robot());
+        let start = symmetric.start();
+        let (over, roll) = symmetric.roll(&start, symmetric.side())?;
+        let come_over = over.support.side_between(&roll.pivots)?;
+        let (again, roll) = symmetric.roll(&over, come_over)?;
+        let left = next_side(robot, &again, &roll, Turn::Left);
+        let mut motion: Option<SupportedMotion> = None;
+        for (part, stance, side) in [
+            (&self.entry, &start, symmetric.side()),
+            (back, &start, symmetric.side()),
+            (&self.turn, &over, come_over),
+            (&self.exit, &again, left),
+        ] {
+            let placed = symmetric.place(part, stance, side, false)?;
+            match &mut motion {
+                None => motion = Some(placed),
+                Some(motion) => motion.append(placed),
+            }
+        }
+        let motion = motion?;
+        let side = start.support.nodes();
+        let at = |k: usize| robot.dimension().node(&start.coordinates, side[k]);
+        let tolerance = STRAY * (at(1) - at(0)).norm();
+        let rolls = motion.rolls.len() as f64;
+        Some(SECONDS_OF_ROLL.iter().all(|seconds| {
+            simulate_motion(robot, &motion, seconds * rolls, &DynamicsOptions::default())
+                .is_ok_and(|report| report.mean_error <= tolerance)
+        }))
+    }
+}
+
+/// Times of a roll at which the way back is simulated, and the mean error allowed, in sides.
+const SECONDS_OF_ROLL: [f64; 2] = [6.0, 12.0];
+const STRAY: f64 = 0.01;
+
+/// Part of the period, from its roll on, in which the gait that turns stays symmetric; and the part
+/// where the centre of mass falls by more than [`SOFT_FALL`] of a side in the roll.
+const HELD: f64 = 0.25;
+const HELD_AFTER_FALL: f64 = 0.4;
+const SOFT_FALL: f64 = 0.05;
+
+/// How far the centre of mass falls in the roll of a motion that begins with it.
+fn fall(robot: &Robot, motion: &SupportedMotion) -> f64 {
+    let height = |configuration: usize| {
+        let coordinates = &motion.configurations[configuration];
+        robot.centre_of_mass(coordinates).z
+    };
+    height(0) - height(1)
+}
+
 /// Part of the largest step that nodes take on the straight way to and from the gait.
 const PACE: f64 = 0.6;
 
@@ -304,6 +375,13 @@ fn longest_way(from: &[f64], to: &[f64]) -> f64 {
 /// Optimises a gait that can turn, starting from a one-roll primitive: first the period, whose
 /// tipping shape is free but symmetric, then the ways from and to the stance.
 ///
+/// The cheapest gaits are not those that a robot with mass can follow: it rolls late, for it starts
+/// from balance, lands with speed, and rocks over the node that lands. What rocks sideways, or falls
+/// far, does not come to rest where it should. The robot therefore stays symmetric for a part of the
+/// period after the roll, so that it rocks straight ahead and back, and the fall of its centre of
+/// mass is bounded ([`max_fall`](PrimitiveOptions::max_fall)). The way back over the same side, which
+/// leaves it close to balance all the time, is left out where a simulated robot does not follow it.
+///
 /// # Errors
 /// See [`PrimitiveError`]; `NotFound` when one of the three motions is not found.
 pub fn find_turning_gait(
@@ -314,23 +392,38 @@ pub fn find_turning_gait(
     let symmetric = primitive.symmetric_robot();
     let sequence = Sequence::new(symmetric, &[Turn::Left])?;
     let images = TipImages::new(symmetric).ok_or(PrimitiveError::Sequence)?;
-    let mirror = TipMirror {
+    let mut mirror = TipMirror {
         map: images.mirror.map,
         partners: images.mirror.roles,
+        held: (HELD * options.steps as f64) as usize,
     };
-    let turn = solve_period(primitive, &sequence, &images.left, Some(&mirror), options)?.motion;
+    let period = |mirror: &TipMirror| {
+        solve_period(primitive, &sequence, &images.left, Some(mirror), options)
+            .map(|solved| solved.motion)
+    };
+    let mut turn = period(&mirror)?;
+    if fall(symmetric.robot(), &turn) > SOFT_FALL * sequence.side() {
+        mirror.held = (HELD_AFTER_FALL * options.steps as f64) as usize;
+        turn = period(&mirror)?;
+    }
 
     let (tip, turned) = (&turn.configurations[0], &turn.configurations[1]);
     let single = Sequence::new(symmetric, &[])?;
     let [stance, next] = [&single.stances[0], &single.stances[1]];
     let size = (options.steps, options.tip);
+    // A way costs the square of its length over the number of its steps; the walk is cheapest when
+    // a step on it is as dear as one of the gait.
+    let price = actuation_cost(symmetric, &turn.configurations) / options.steps as f64;
     let solve = |first: &Vec<f64>, last: &Vec<f64>, rolls: bool| {
         let from = if rolls { turned } else { first };
-        // As long as half a roll, or longer for nodes that have far to go.
+        let straight = actuation_cost(symmetric, &[from.clone(), last.clone()]);
+        // Nodes that have far to go need more steps.
         let pace = PACE * symmetric.robot().limits().max_move;
-        let steps = options
-            .tip
-            .max((longest_way(from, last) / pace).ceil() as usize);
+        let steps = (straight / price)
+            .sqrt()
+            .max(longest_way(from, last) / pace)
+            .max(1.0)
+            .ceil() as usize;
         let mut guess = if rolls {
             vec![first.clone()]
         } else {
@@ -358,11 +451,15 @@ pub fn find_turning_gait(
         Some(Err(PrimitiveError::NotFound { .. })) | None => None,
         Some(Err(other)) => return Err(other),
     };
-    Ok(TurningGait {
+    let mut gait = TurningGait {
         symmetric: symmetric.clone(),
         entry,
         turn,
         back,
         exit,
-    })
+    };
+    if gait.follows_back() == Some(false) {
+        gait.back = None;
+    }
+    Ok(gait)
 }

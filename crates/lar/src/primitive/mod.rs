@@ -45,6 +45,10 @@ pub struct PrimitiveOptions {
     /// Largest change of a member's length in the roll itself, c of equation (37), or none.
     /// Default 0.05: loose enough not to act on the known primitives.
     pub max_tip_change: Option<f64>,
+    /// Greatest fall of the centre of mass in a roll of the gait that turns, in sides of the
+    /// support triangle, or none. Default 0.1: a robot that falls much farther does not come to
+    /// rest on the support that it lands on, see [`find_turning_gait`].
+    pub max_fall: Option<f64>,
     /// Random tip shapes that the search starts from. Default 32.
     pub starts: usize,
     /// Distinct coarse motions that the search carries on with. Default 3.
@@ -59,6 +63,7 @@ impl Default for PrimitiveOptions {
             steps: 40,
             tip: 20,
             max_tip_change: Some(0.05),
+            max_fall: Some(0.1),
             starts: 32,
             kept: 3,
             max_iterations: 200,
@@ -71,6 +76,7 @@ impl PrimitiveOptions {
         steps / with_steps: usize;
         tip / with_tip: usize;
         max_tip_change / with_max_tip_change: Option<f64>;
+        max_fall / with_max_fall: Option<f64>;
         starts / with_starts: usize;
         kept / with_kept: usize;
         max_iterations / with_max_iterations: usize;
@@ -93,6 +99,9 @@ impl PrimitiveOptions {
         }
         if self.max_tip_change.is_some_and(|c| !(c > 0.0)) {
             return bad("max_tip_change", "be positive");
+        }
+        if self.max_fall.is_some_and(|fall| !(fall > 0.0)) {
+            return bad("max_fall", "be positive");
         }
         if self.starts == 0 {
             return bad("starts", "be at least 1");
@@ -182,6 +191,18 @@ impl SupportedMotion {
             .iter()
             .filter(|&&roll| roll < configuration)
             .count()]
+    }
+}
+
+impl SupportedMotion {
+    /// Adds a motion that begins where this one ends.
+    pub(crate) fn append(&mut self, next: Self) {
+        let offset = self.configurations.len() - 1;
+        let rolls = next.rolls.into_iter().map(|roll| roll + offset);
+        self.rolls.extend(rolls);
+        let configurations = next.configurations.into_iter().skip(1);
+        self.configurations.extend(configurations);
+        self.supports.extend(next.supports.into_iter().skip(1));
     }
 }
 

@@ -104,6 +104,16 @@ impl<'a> Sequence<'a> {
         })
     }
 
+    /// Length of the sides of the support triangles.
+    pub(super) fn side(&self) -> f64 {
+        let Stance {
+            coordinates,
+            support,
+        } = &self.stances[0];
+        let at = |k: usize| self.robot.dimension().node(coordinates, support.nodes()[k]);
+        (at(1) - at(0)).norm()
+    }
+
     /// The problem with `steps` steps a roll, for this robot or one with tighter limits. The bound
     /// on node steps grows with their size, so that a coarse motion may go as far as a fine one.
     pub(super) fn problem<'r>(
@@ -123,6 +133,10 @@ impl<'a> Sequence<'a> {
                 tip,
                 max_move: (steps > 2).then_some(self.robot.limits().max_move * coarseness),
                 max_tip_change: options.max_tip_change.filter(|_| steps > 2),
+                max_fall: options
+                    .max_fall
+                    .filter(|_| ends.has_soft_rolls())
+                    .map(|fall| fall * self.side()),
                 ends,
             },
         )

@@ -308,7 +308,7 @@ pub fn straight_strip(rolls: usize) -> Vec<Turn> {
 }
 
 /// The side that a turn after `last` leads over.
-fn next_side(robot: &Robot, stance: &Stance, last: &SequenceRoll, turn: Turn) -> usize {
+pub(super) fn next_side(robot: &Robot, stance: &Stance, last: &SequenceRoll, turn: Turn) -> usize {
     let dimension = robot.dimension();
     let at = |node: usize| dimension.node(&stance.coordinates, node);
     let ahead = at(last.landed) - (at(last.pivots[0]) + at(last.pivots[1])) * 0.5;

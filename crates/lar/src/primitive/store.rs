@@ -7,18 +7,19 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::gait::TipImages;
+use super::gait::{TipImages, strip_period};
 use super::sequence::Stance;
 use super::symmetry::relabellings;
-use super::{Primitive, SupportedMotion, SymmetricRobot, Turn, TurningGait};
+use super::{Gait, Primitive, SupportedMotion, SymmetricRobot, Turn, TurningGait};
 use crate::{
     Dimension, Graph, GraphError, Limits, Robot, RobotError, Support, SupportError, SymmetryError,
     Visit, Walk, WalkCheckOptions, WalkContext, WalkFacts, WalkStatistics, check_walk,
 };
 
 const PRIMITIVE_FORMAT: &str = "tensegra-primitive";
+const STRIP_GAIT_FORMAT: &str = "tensegra-strip-gait";
 const GAIT_FORMAT: &str = "tensegra-gait";
-pub(crate) const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 2;
 /// Constraints of a stored motion hold to this tolerance.
 const TOLERANCE: f64 = 1e-6;
 
@@ -75,6 +76,13 @@ pub(crate) struct StoredPrimitive {
     configurations: Positions,
 }
 
+/// A [`Gait`] as it is stored, without its robot.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StoredStripGait {
+    period: Positions,
+}
+
 /// A [`TurningGait`] as it is stored, without its robot.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -94,7 +102,8 @@ pub enum MotionFileError {
     Json(#[from] serde_json::Error),
     /// Another format or version.
     #[error(
-        "the file has format `{format}` version {version}; this reads `{expected}` version {VERSION}"
+        "the file has format `{format}` version {version}; this reads `{expected}` version {VERSION}; \
+         motions of another version have to be optimised anew"
     )]
     Format {
         /// Format found.
@@ -170,6 +179,15 @@ fn require_same(what: &str, found: &[f64], expected: &[f64]) -> Result<(), Motio
     Ok(())
 }
 
+fn require_limits(robot: &Robot, what: &str, coordinates: &[f64]) -> Result<(), MotionFileError> {
+    match robot.violations(coordinates, TOLERANCE).first() {
+        None => Ok(()),
+        Some((constraint, violation)) => Err(unfit(format!(
+            "{what} violates the {constraint} by {violation:.3e}"
+        ))),
+    }
+}
+
 impl StoredRobot {
     pub(crate) fn of(symmetric: &SymmetricRobot) -> Self {
         let (robot, start) = (symmetric.robot(), symmetric.start());
@@ -186,9 +204,7 @@ impl StoredRobot {
     }
 
     pub(crate) fn read(self) -> Result<SymmetricRobot, MotionFileError> {
-        let graph = Graph::new(self.nodes, self.edges)?;
-        let robot =
-            Robot::new(graph, Dimension::Three, self.limits)?.with_masses(&self.mass_fractions)?;
+        // Before anything is made as large as the file says.
         if self.start.len() != self.nodes {
             let found = self.start.len();
             return Err(unfit(format!(
@@ -196,7 +212,11 @@ impl StoredRobot {
                 self.nodes
             )));
         }
+        let graph = Graph::new(self.nodes, self.edges)?;
+        let robot =
+            Robot::new(graph, Dimension::Three, self.limits)?.with_masses(&self.mass_fractions)?;
         let start = self.start.concat();
+        require_limits(&robot, "the start", &start)?;
         let support = Support::new(&robot, &self.support)?;
         if self.side >= support.num_sides() {
             return Err(unfit(format!("side {} does not exist", self.side)));
@@ -240,12 +260,7 @@ fn read_motion(
             )));
         }
         let configuration = points.concat();
-        let violations = robot.violations(&configuration, TOLERANCE);
-        if let Some((constraint, violation)) = violations.first() {
-            return Err(unfit(format!(
-                "configuration {index} violates the {constraint} by {violation:.3e}"
-            )));
-        }
+        require_limits(robot, &format!("configuration {index}"), &configuration)?;
         // Certifying a step takes time in proportion to its length.
         let last = configurations.last().unwrap_or(&configuration);
         if configuration
@@ -316,6 +331,32 @@ fn ends(motion: &SupportedMotion) -> (&[f64], &[f64]) {
         &configurations[0],
         &configurations[configurations.len() - 1],
     )
+}
+
+impl StoredStripGait {
+    pub(crate) fn of(gait: &Gait) -> Self {
+        Self {
+            period: positions(&gait.motion.configurations),
+        }
+    }
+
+    pub(crate) fn read(self, symmetric: &SymmetricRobot) -> Result<Gait, MotionFileError> {
+        let (stances, period) = strip_period(symmetric)
+            .ok_or_else(|| unfit("its strip does not lead along symmetric stances"))?;
+        let mut motion = read_motion(symmetric, &stances[..2], vec![0], &self.period)?;
+        let (tip, next) = ends(&motion);
+        let image = period.image(symmetric.robot(), tip);
+        require_same("the end of its period", next, &image)?;
+        // Periods join exactly, however many are walked.
+        if let Some(last) = motion.configurations.last_mut() {
+            *last = image;
+        }
+        Ok(Gait {
+            symmetric: symmetric.clone(),
+            motion,
+            period,
+        })
+    }
 }
 
 impl StoredGait {
@@ -413,6 +454,29 @@ impl Primitive {
     /// checked, and the motion by [`check_walk`].
     pub fn from_json(text: &str) -> Result<Self, MotionFileError> {
         let (symmetric, stored): (_, StoredPrimitive) = from_json(PRIMITIVE_FORMAT, text)?;
+        stored.read(&symmetric)
+    }
+}
+
+impl Gait {
+    /// The gait as JSON text.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        to_json(
+            STRIP_GAIT_FORMAT,
+            &self.symmetric,
+            StoredStripGait::of(self),
+        )
+    }
+
+    /// Reads a gait from JSON text.
+    ///
+    /// # Errors
+    /// See [`MotionFileError`]: besides the form of the file, the symmetry of the start is
+    /// checked, that the period ends in the image of the tipping configuration that it begins
+    /// with, and the motion by [`check_walk`].
+    pub fn from_json(text: &str) -> Result<Self, MotionFileError> {
+        let (symmetric, stored): (_, StoredStripGait) = from_json(STRIP_GAIT_FORMAT, text)?;
         stored.read(&symmetric)
     }
 }

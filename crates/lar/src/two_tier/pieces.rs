@@ -1,8 +1,13 @@
-//! A sequence of rolls cut into pieces that primitives and gaits walk, at the least sum of costs.
+//! A sequence of rolls cut into pieces that primitives and gaits walk, at the least cost (40).
 //!
 //! Dynamic programming over the rolls: before each roll the robot stands in the symmetric stance
 //! or, about to roll, in the tipping configuration of the gait. Pieces that would touch an
-//! obstacle are not used. Cost: O(rolls × longest primitive) times the placing of a piece.
+//! obstacle are not used.
+//!
+//! The cost is a product, K Σ‖ΔL‖² over the distance with K the number of steps, which dynamic
+//! programming cannot minimise. It minimises Σ‖ΔL‖² + λ K instead, which has the same stationary
+//! points for λ = Σ‖ΔL‖²/K; λ is found by repetition. Cost: O(rolls × longest primitive) times the
+//! placing of a piece, a few times.
 
 use super::PrimitiveLibrary;
 use crate::{Primitive, SequenceRoll, Stance, SupportedMotion, Turn, TurningGait};
@@ -53,6 +58,9 @@ struct Reached {
     cost: f64,
     last: Option<Piece>,
 }
+
+/// Most prices of a step that are tried.
+const MOST_PRICES: usize = 8;
 
 const UNREACHED: Reached = Reached {
     cost: f64::INFINITY,
@@ -136,7 +144,7 @@ impl<'a> RollPath<'a> {
         &self,
         is_free: Option<&dyn Fn(&SupportedMotion) -> bool>,
     ) -> Option<(Vec<Piece>, SupportedMotion)> {
-        let pieces = self.cut(is_free)?;
+        let pieces = self.cheapest(is_free)?;
         let mut motion = SupportedMotion {
             configurations: vec![self.stances[0].coordinates.clone()],
             supports: vec![self.stances[0].support.clone()],
@@ -144,23 +152,74 @@ impl<'a> RollPath<'a> {
         };
         let mut first = 0;
         for &piece in &pieces {
-            let placed = self.placed(piece, first)?;
-            let offset = motion.configurations.len() - 1;
-            let rolls = placed.rolls.iter().map(|roll| roll + offset);
-            motion.rolls.extend(rolls);
-            let configurations = placed.configurations.into_iter().skip(1);
-            motion.configurations.extend(configurations);
-            motion.supports.extend(placed.supports.into_iter().skip(1));
+            motion.append(self.placed(piece, first)?);
             first += piece.rolls();
         }
         Some((pieces, motion))
     }
 
-    fn cut(&self, is_free: Option<&dyn Fn(&SupportedMotion) -> bool>) -> Option<Vec<Piece>> {
+    /// The pieces of least cost (40) among those that are best for some price of a step.
+    fn cheapest(&self, is_free: Option<&dyn Fn(&SupportedMotion) -> bool>) -> Option<Vec<Piece>> {
+        let one_roll = self.library.one_roll();
+        let mut price = one_roll.cost() / (one_roll.configurations().len() - 1) as f64;
+        let mut best: Option<(f64, Vec<Piece>)> = None;
+        for _ in 0..MOST_PRICES {
+            let pieces = self.cut(price, is_free)?;
+            let (actuation, steps) = self.totals(&pieces)?;
+            let cost = actuation * steps;
+            if best.as_ref().is_some_and(|(least, _)| cost >= *least) {
+                break;
+            }
+            best = Some((cost, pieces));
+            if steps == 0.0 {
+                break;
+            }
+            price = actuation / steps;
+        }
+        best.map(|(_, pieces)| pieces)
+    }
+
+    /// Σ‖ΔL‖² and the number of steps of pieces in order.
+    fn totals(&self, pieces: &[Piece]) -> Option<(f64, f64)> {
+        let (mut actuation, mut steps, mut first) = (0.0, 0.0, 0);
+        for &piece in pieces {
+            let (motion, cost) = self.source(piece, first)?;
+            actuation += cost;
+            steps += (motion.configurations.len() - 1) as f64;
+            first += piece.rolls();
+        }
+        Some((actuation, steps))
+    }
+
+    /// The motion of a piece before roll `first` as the library has it, and its Σ‖ΔL‖².
+    fn source(&self, piece: Piece, first: usize) -> Option<(&'a SupportedMotion, f64)> {
+        if let Piece::Primitive { rolls } = piece {
+            let (primitive, _) = self.primitive(first, rolls)?;
+            return Some((primitive.motion(), primitive.cost()));
+        }
+        let gait = self.library.gait()?;
+        let motion = match piece {
+            Piece::Primitive { .. } | Piece::Entry => gait.entry(),
+            Piece::Turn => gait.turn(),
+            Piece::Back => gait.back()?,
+            Piece::Exit => gait.exit(),
+        };
+        Some((motion, gait.cost(motion)))
+    }
+
+    /// The pieces of the least Σ‖ΔL‖² + `price` × steps.
+    fn cut(
+        &self,
+        price: f64,
+        is_free: Option<&dyn Fn(&SupportedMotion) -> bool>,
+    ) -> Option<Vec<Piece>> {
         let count = self.rolls.len();
         let gait = self.library.gait();
+        let priced = |motion: &SupportedMotion, actuation: f64| {
+            actuation + price * (motion.configurations.len() - 1) as f64
+        };
         let cost = |motion: Option<&SupportedMotion>| match (gait, motion) {
-            (Some(gait), Some(motion)) => gait.cost(motion),
+            (Some(gait), Some(motion)) => priced(motion, gait.cost(motion)),
             _ => f64::INFINITY,
         };
         let entry = cost(gait.map(TurningGait::entry));
@@ -191,7 +250,8 @@ impl<'a> RollPath<'a> {
                     let first = roll - rolls;
                     if let Some((primitive, _)) = self.primitive(first, rolls) {
                         let (from, piece) = (stands[first], Piece::Primitive { rolls });
-                        improve(&mut standing, from, primitive.cost(), piece, first);
+                        let cost = priced(primitive.motion(), primitive.cost());
+                        improve(&mut standing, from, cost, piece, first);
                     }
                 }
                 improve(&mut standing, tips[roll - 1], exit, Piece::Exit, roll - 1);

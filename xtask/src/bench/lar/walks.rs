@@ -1,16 +1,17 @@
 //! Walks of many rolls: greedy and two-tier along random waypoints, and random robots.
 
 use cpu_time::ThreadTime;
+use nalgebra::Point2;
 use tensegra::{
     io::{Axis, Chart, Series, fit_power_law},
     lar::{
-        GreedyObjective, GreedyOptions, Limits, Persistence, PrimitiveLibrary, PrimitiveOptions,
-        RobotAtStart,
+        DynamicsOptions, GreedyObjective, GreedyOptions, GridGoal, Limits, Persistence,
+        PrimitiveLibrary, PrimitiveOptions, RobotAtStart, TwoTierPlanner,
         experiments::{
             PublishedGait, Trials, greedy_trials, random_robot_trials, random_sequences,
             two_tier_trials,
         },
-        unit_k5, unit_octahedron,
+        simulate_motion, unit_k5, unit_octahedron,
     },
 };
 
@@ -278,6 +279,10 @@ pub fn two_tier(suite: &mut Suite) -> Result<(), Error> {
                 &[("paper", 100.0)],
                 &[],
             );
+            if turning {
+                let simulated = &sequences[..sequences.len().min(SIMULATED)];
+                execution_rows(suite, case, &variant, (&start, &library), simulated)?;
+            }
             eprintln!("{case} {variant}: {}/{runs}", gathered.succeeded);
             if !gathered.costs.is_empty() {
                 chart = chart.series(Series::distribution(variant, &gathered.costs));
@@ -285,6 +290,42 @@ pub fn two_tier(suite: &mut Suite) -> Result<(), Error> {
         }
     }
     suite.pictures.extend(chart.draw().ok());
+    Ok(())
+}
+
+/// Walks that are simulated as well.
+const SIMULATED: usize = 20;
+
+/// Error of whole walks under length control.
+fn execution_rows(
+    suite: &mut Suite,
+    case: &str,
+    variant: &str,
+    (start, library): (&RobotAtStart, &PrimitiveLibrary),
+    sequences: &[Vec<[f64; 2]>],
+) -> Result<(), Error> {
+    let planner = TwoTierPlanner::new(library);
+    for seconds in [6.0, 12.0] {
+        let variant = format!("{variant}, a roll in {seconds} s");
+        let mut errors = Vec::new();
+        for (index, sequence) in sequences.iter().enumerate() {
+            let goals: Vec<GridGoal> = sequence
+                .iter()
+                .map(|&[x, y]| GridGoal::Point(Point2::new(x, y)))
+                .collect();
+            let motion = planner.walk(&start.stance, &goals)?.motion;
+            let duration = seconds * motion.rolls.len() as f64;
+            let options = DynamicsOptions::default();
+            let report = simulate_motion(&start.robot, &motion, duration, &options)?;
+            if report.lost {
+                suite.fail(case, &variant, index as u64 + 1, "the robot falls");
+            } else {
+                errors.push(100.0 * report.mean_error);
+            }
+        }
+        let metric = ["mean error of a walk", "cm"];
+        suite.row(case, &variant, metric, sequences.len(), &errors, &[]);
+    }
     Ok(())
 }
 

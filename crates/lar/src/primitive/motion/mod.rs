@@ -9,12 +9,13 @@
 //! Cost of an evaluation: O(configurations × (members + pairs + corners)).
 
 mod nlp;
+mod rows;
 
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::constraint::{ConstraintFunction, RigidityFunction};
+use crate::constraint::ConstraintFunction;
 use crate::primitive::sequence::{SequenceRoll, Stance};
 use crate::{Dimension, GroundIsometry, Robot, SideLine, Support};
 
@@ -31,6 +32,8 @@ pub(super) struct MotionSpec<'a> {
     pub max_move: Option<f64>,
     /// Largest change of a length in a roll (c of equation (37)).
     pub max_tip_change: Option<f64>,
+    /// Greatest fall of the centre of mass in a roll.
+    pub max_fall: Option<f64>,
     pub ends: Ends,
 }
 
@@ -42,7 +45,8 @@ pub(super) enum Ends {
     /// The motion begins at the tipping configuration of the first roll and ends at that of the
     /// second, which is its image: node i there stands at the image of node `roles[i]` here
     /// (equation (39)). Two rolls and three stances are given. With `mirror`, the tipping
-    /// configuration is its own mirror image in the middle of the side rolled over.
+    /// configuration, and those that follow it, are their own mirror images in the middle of the
+    /// side rolled over.
     Periodic {
         map: GroundIsometry,
         roles: Vec<usize>,
@@ -59,6 +63,17 @@ pub(super) enum Ends {
 }
 
 impl Ends {
+    /// Whether this is a part of the gait that turns, whose rolls are not to be hard.
+    pub(super) fn has_soft_rolls(&self) -> bool {
+        matches!(
+            self,
+            Self::Periodic {
+                mirror: Some(_),
+                ..
+            } | Self::Given { .. }
+        )
+    }
+
     fn mirror(&self) -> Option<&TipMirror> {
         match self {
             Self::Periodic { mirror, .. } => mirror.as_ref(),
@@ -67,12 +82,14 @@ impl Ends {
     }
 }
 
-/// The mirror image of a tipping configuration in the vertical plane through the middle of the
-/// side rolled over: node i stands at the image of node `partners[i]`.
+/// The mirror image of a configuration about to roll, or just after it, in the vertical plane
+/// through the middle of the side rolled over: node i stands at the image of node `partners[i]`.
 #[derive(Debug, Clone)]
 pub(super) struct TipMirror {
     pub map: GroundIsometry,
     pub partners: Vec<usize>,
+    /// Configurations after the first that are their own mirror images as well.
+    pub held: usize,
 }
 
 /// One configuration of the motion.
@@ -118,6 +135,8 @@ enum Row {
         member: usize,
         limit: f64,
     },
+    /// Fall of the centre of mass between a configuration and the next.
+    Fall { slot: usize, limit: f64 },
     /// The worst-case rigidity index of one configuration.
     Rigidity { slot: usize, least: f64 },
     /// A coordinate of the last configuration minus that of the image of the first (39).
@@ -126,8 +145,9 @@ enum Row {
         role: usize,
         axis: usize,
     },
-    /// A component of a node of the first configuration minus that of its partner's mirror image.
+    /// A component of a node minus that of its partner's mirror image.
     Mirror {
+        slot: usize,
         node: usize,
         partner: usize,
         direction: Vector3<f64>,
@@ -301,6 +321,9 @@ impl<'a> MotionProblem<'a> {
             }
             let next = &self.slots[index + 1];
             if self.rolls.contains(&index) {
+                if let Some(limit) = spec.max_fall {
+                    rows.push(Row::Fall { slot: index, limit });
+                }
                 if let Some(limit) = spec.max_tip_change {
                     for member in 0..robot.graph().num_members() {
                         rows.push(Row::TipChange {
@@ -333,18 +356,20 @@ impl<'a> MotionProblem<'a> {
                     });
                 }
             }
-            let first = &self.slots[0];
-            let line = first.support.side_line(
-                Dimension::Three,
-                self.slot_coordinates(0),
-                spec.rolls[0].side,
-            );
-            let partners = mirror.iter().flat_map(|mirror| {
-                let free = first.free.iter();
-                free.map(|&node| (node, mirror.partners[node]))
+            let side = spec.rolls[0].side;
+            let line =
+                self.slots[0]
+                    .support
+                    .side_line(Dimension::Three, self.slot_coordinates(0), side);
+            let directions = [line.axis, line.outward, Vector3::z()];
+            let mirrored = mirror.iter().flat_map(|mirror| {
+                let slots = self.slots.iter().enumerate().take(1 + mirror.held);
+                slots.flat_map(move |(index, slot)| {
+                    let free = slot.free.iter();
+                    free.map(move |&node| (index, node, mirror.partners[node]))
+                })
             });
-            for (node, partner) in partners {
-                let directions = [line.axis, line.outward, Vector3::z()];
+            for (slot, node, partner) in mirrored {
                 // A node that is its own partner is only kept from leaving the mirror.
                 let count = match partner.cmp(&node) {
                     std::cmp::Ordering::Less => 0,
@@ -353,6 +378,7 @@ impl<'a> MotionProblem<'a> {
                 };
                 for &direction in &directions[..count] {
                     rows.push(Row::Mirror {
+                        slot,
                         node,
                         partner,
                         direction,
@@ -509,186 +535,6 @@ impl<'a> MotionProblem<'a> {
             for (j, &b) in nodes.as_slice().iter().enumerate() {
                 self.add_diagonal(values, slot, (a, b), &(blocks[i][j] * scale));
             }
-        }
-    }
-
-    fn row_value(&self, row: &Row) -> f64 {
-        let robot = self.robot;
-        match row {
-            Row::Function { slot, function } => {
-                let nodes = function.nodes(robot);
-                let positions = nodes.positions(robot, self.slot_coordinates(*slot));
-                function.value(robot.limits(), &positions)
-            }
-            Row::Balance { slot, line, .. } => {
-                line.outside(&robot.centre_of_mass(self.slot_coordinates(*slot)))
-            }
-            Row::Landing {
-                slot,
-                landed,
-                pivot,
-                ..
-            } => (Dimension::Three.node(self.slot_coordinates(*slot), *landed) - pivot).norm(),
-            Row::Move { slot, node, limit } => {
-                let squared = self.displacement(*slot, *node).norm_squared();
-                0.5 * (squared - limit * limit) / limit
-            }
-            Row::TipChange { slot, member, .. } => {
-                let members = robot.graph().num_members();
-                self.lengths[(slot + 1) * members + member] - self.lengths[slot * members + member]
-            }
-            Row::Rigidity { slot, least } => {
-                RigidityFunction::at(robot, self.slot_coordinates(*slot), *least).value()
-            }
-            Row::Periodic { node, role, axis } => {
-                let Ends::Periodic { map, .. } = &self.ends else {
-                    return 0.0;
-                };
-                let image = map.apply(&Dimension::Three.node(self.slot_coordinates(0), *role));
-                let last = self.slot_coordinates(self.slots.len() - 1);
-                Dimension::Three.node(last, *node)[*axis] - image[*axis]
-            }
-            Row::Mirror {
-                node,
-                partner,
-                direction,
-            } => {
-                let Some(mirror) = self.ends.mirror() else {
-                    return 0.0;
-                };
-                let at = |node: usize| Dimension::Three.node(self.slot_coordinates(0), node);
-                direction.dot(&(at(*node) - mirror.map.apply(&at(*partner))))
-            }
-        }
-    }
-
-    /// Displacement of a node from a configuration to the next.
-    fn displacement(&self, slot: usize, node: usize) -> Vector3<f64> {
-        Dimension::Three.node(self.slot_coordinates(slot + 1), node)
-            - Dimension::Three.node(self.slot_coordinates(slot), node)
-    }
-
-    /// Calls `entry` with configuration, node and gradient for every node that a row depends on,
-    /// in the same order at every point. Held nodes are left out.
-    fn row_gradient(&mut self, row: &Row, mut entry: impl FnMut(usize, Vector3<f64>)) {
-        let robot = self.robot;
-        let mut emit = |slots: &[Slot], slot: usize, node: usize, gradient: Vector3<f64>| {
-            if let Some(place) = slots[slot].place[node] {
-                entry(slots[slot].offset + AXES * place, gradient);
-            }
-        };
-        match row {
-            Row::Function { slot, function } => {
-                let nodes = function.nodes(robot);
-                let positions = nodes.positions(robot, self.slot_coordinates(*slot));
-                let gradient = function.gradient(robot.limits(), &positions);
-                for (&node, gradient) in nodes.as_slice().iter().zip(gradient) {
-                    emit(&self.slots, *slot, node, gradient);
-                }
-            }
-            Row::Balance { slot, line, .. } => {
-                for (node, fraction) in robot.mass_fractions().iter().enumerate() {
-                    emit(&self.slots, *slot, node, line.outward * *fraction);
-                }
-            }
-            Row::Landing {
-                slot,
-                landed,
-                pivot,
-                ..
-            } => {
-                let node = Dimension::Three.node(self.slot_coordinates(*slot), *landed);
-                emit(&self.slots, *slot, *landed, (node - pivot).normalize());
-            }
-            Row::Move { slot, node, limit } => {
-                let gradient = self.displacement(*slot, *node) / *limit;
-                emit(&self.slots, *slot, *node, -gradient);
-                emit(&self.slots, slot + 1, *node, gradient);
-            }
-            Row::TipChange { slot, member, .. } => {
-                let [a, b] = robot.graph().members()[*member];
-                for (slot, sign) in [(*slot, -1.0), (slot + 1, 1.0)] {
-                    let direction = self.direction(slot, *member) * sign;
-                    emit(&self.slots, slot, a, direction);
-                    emit(&self.slots, slot, b, -direction);
-                }
-            }
-            Row::Rigidity { slot, least } => {
-                let mut gradient = std::mem::take(&mut self.rigidity_gradient);
-                let coordinates = self.slot_coordinates(*slot);
-                RigidityFunction::at(robot, coordinates, *least).gradient(
-                    robot,
-                    coordinates,
-                    &mut gradient,
-                );
-                for node in 0..robot.graph().num_nodes() {
-                    emit(
-                        &self.slots,
-                        *slot,
-                        node,
-                        Dimension::Three.node(&gradient, node),
-                    );
-                }
-                self.rigidity_gradient = gradient;
-            }
-            Row::Periodic { node, role, axis } => {
-                let Ends::Periodic { map, .. } = &self.ends else {
-                    return;
-                };
-                let mut unit = Vector3::zeros();
-                unit[*axis] = 1.0;
-                let pulled_back = map.inverse().apply_direction(&unit);
-                emit(&self.slots, self.slots.len() - 1, *node, unit);
-                emit(&self.slots, 0, *role, -pulled_back);
-            }
-            Row::Mirror {
-                node,
-                partner,
-                direction,
-            } => {
-                let Some(mirror) = self.ends.mirror() else {
-                    return;
-                };
-                let pulled_back = mirror.map.inverse().apply_direction(direction);
-                if node == partner {
-                    emit(&self.slots, 0, *node, direction - pulled_back);
-                } else {
-                    emit(&self.slots, 0, *node, *direction);
-                    emit(&self.slots, 0, *partner, -pulled_back);
-                }
-            }
-        }
-    }
-
-    /// The physical constraint that a row of the problem stands for, for reports.
-    pub(super) fn describe(&self, row: usize) -> String {
-        match &self.rows[row] {
-            Row::Function { slot, function } => {
-                format!(
-                    "{} at configuration {slot}",
-                    function.describe(self.robot, true)
-                )
-            }
-            Row::Balance {
-                slot, tips: false, ..
-            } => {
-                format!("centre of mass inside the support at configuration {slot}")
-            }
-            Row::Balance { slot, .. } => {
-                format!("centre of mass above the side rolled over at configuration {slot}")
-            }
-            Row::Landing { slot, landed, .. } => {
-                format!("landing place of node {landed} at configuration {slot}")
-            }
-            Row::Move { slot, node, .. } => {
-                format!("step of node {node} after configuration {slot}")
-            }
-            Row::TipChange { slot, member, .. } => {
-                format!("length change of member {member} in the roll after configuration {slot}")
-            }
-            Row::Rigidity { slot, .. } => format!("rigidity index at configuration {slot}"),
-            Row::Periodic { node, .. } => format!("periodicity at node {node}"),
-            Row::Mirror { node, .. } => format!("mirror symmetry at node {node}"),
         }
     }
 }

@@ -36,6 +36,7 @@ impl Nlp for MotionProblem<'_> {
                 }
                 Row::Landing { distance, .. } => (*lower, *upper) = (*distance, *distance),
                 Row::Move { .. } => *upper = 0.0,
+                Row::Fall { limit, .. } => *upper = *limit,
                 Row::TipChange { limit, .. } => (*lower, *upper) = (-limit, *limit),
                 Row::Rigidity { .. } => *lower = 0.0,
                 Row::Periodic { .. } | Row::Mirror { .. } => (*lower, *upper) = (0.0, 0.0),
@@ -63,6 +64,11 @@ impl Nlp for MotionProblem<'_> {
                     (0..nodes).for_each(|node| push(index, *slot, node));
                 }
                 Row::Landing { slot, landed, .. } => push(index, *slot, *landed),
+                Row::Fall { slot, .. } => {
+                    for slot in [*slot, slot + 1] {
+                        (0..nodes).for_each(|node| push(index, slot, node));
+                    }
+                }
                 Row::Move { slot, node, .. } => {
                     push(index, *slot, *node);
                     push(index, slot + 1, *node);
@@ -78,10 +84,15 @@ impl Nlp for MotionProblem<'_> {
                     push(index, self.slots.len() - 1, *node);
                     push(index, 0, *role);
                 }
-                Row::Mirror { node, partner, .. } => {
-                    push(index, 0, *node);
+                Row::Mirror {
+                    slot,
+                    node,
+                    partner,
+                    ..
+                } => {
+                    push(index, *slot, *node);
                     if partner != node {
-                        push(index, 0, *partner);
+                        push(index, *slot, *partner);
                     }
                 }
             }
@@ -231,6 +242,7 @@ impl Nlp for MotionProblem<'_> {
                     self.add_function(values, slot + 1, function, multiplier);
                 }
                 Row::Balance { .. }
+                | Row::Fall { .. }
                 | Row::Rigidity { .. }
                 | Row::Periodic { .. }
                 | Row::Mirror { .. } => {}
