@@ -46,7 +46,7 @@ pub struct PlannerOptions {
     pub limit_margin: f64,
     /// Clearance at which a sliding branch aims.
     pub contact_margin: f64,
-    /// Tree nodes after which the search starts anew, with a fifth more each time:
+    /// Tree nodes after which the search starts anew, with a tenth more each time:
     /// the times that random trees take have a heavy tail, and another attempt is
     /// often faster than an unlucky one.
     pub restart_nodes: usize,
@@ -66,13 +66,13 @@ impl Default for PlannerOptions {
             step: 0.05,
             path_step: f64::INFINITY,
             domain: ChartDomain::default(),
-            sample_radius: SampleRadius::Fixed(3.0),
+            sample_radius: SampleRadius::Fixed(6.0),
             goal_bias: 0.1,
             tolerance: 1e-5,
             slide: true,
             limit_margin: 2e-3,
             contact_margin: 1e-3,
-            restart_nodes: 4_000,
+            restart_nodes: 2_000,
             max_charts: 150_000,
             max_nodes: 250_000,
             time_limit: 600.0,

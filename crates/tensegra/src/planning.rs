@@ -320,7 +320,7 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
     options.sample_radius = match settings.sampling_radius {
         SamplingRadius::Automatic => options.sample_radius,
         SamplingRadius::Fixed(radius) => SampleRadius::Fixed(radius),
-        SamplingRadius::Adaptive => SampleRadius::Adaptive { largest: 3.0 },
+        SamplingRadius::Adaptive => SampleRadius::Adaptive { largest: 6.0 },
     };
     options.slide = settings.slide;
     options.path_step = PATH_STEP * settings.step;

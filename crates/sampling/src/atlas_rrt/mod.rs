@@ -29,8 +29,10 @@ use crate::{
 use search::Search;
 
 /// Where a path cannot be made as fine as it is asked for, the branch concerned is
-/// removed and the search goes on, this often.
-const REPAIRS: usize = 100;
+/// removed and the search goes on; after every so many times, it starts anew.
+const REPAIRS: usize = 40;
+/// Removed branches after which planning is given up.
+const MAX_REPAIRS: usize = 1000;
 /// Constraints may be violated by rounding.
 const ROUNDING: f64 = 1e-10;
 
@@ -100,7 +102,8 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'a, M, V> {
                             trees: None,
                         });
                     }
-                    Err(_) if repairs == REPAIRS => break Failure::Resolution,
+                    Err(_) if repairs == MAX_REPAIRS => break Failure::Resolution,
+                    Err(_) if repairs % REPAIRS == REPAIRS - 1 => search.start_anew(),
                     Err(broken) => search.prune(broken),
                 },
                 Err(failure) => break failure,

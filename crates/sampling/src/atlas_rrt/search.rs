@@ -21,7 +21,7 @@ const CONNECTION_CANDIDATES: usize = 6;
 /// A tree this many times larger than the other one waits.
 const IMBALANCE: usize = 4;
 /// Each attempt may grow this much larger trees than the one before.
-const ATTEMPT_GROWTH: f64 = 1.2;
+const ATTEMPT_GROWTH: f64 = 1.1;
 /// Extensions in a row without a new node after which planning is given up.
 pub(super) const FRUITLESS: usize = 200_000;
 
@@ -155,7 +155,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
     }
 
     /// Forgets trees and atlas, and lets the next attempt grow larger ones.
-    fn start_anew(&mut self) {
+    pub(super) fn start_anew(&mut self) {
         let (charts, nodes) = self.grown();
         let k = self.atlas.dimension();
         // It worked before; where it should not, the search goes on.
