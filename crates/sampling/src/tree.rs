@@ -192,6 +192,13 @@ impl Tree {
 
     /// The node nearest to x, and its distance.
     pub(crate) fn nearest(&mut self, x: &[f64]) -> (usize, f64) {
+        self.nearest_within(x, f64::INFINITY)
+            .unwrap_or((0, f64::INFINITY))
+    }
+
+    /// The node nearest to x, and its distance, if that is less than `reach`: the
+    /// smaller, the cheaper.
+    pub(crate) fn nearest_within(&mut self, x: &[f64], reach: f64) -> Option<(usize, f64)> {
         let Self {
             groups,
             centers,
@@ -205,7 +212,7 @@ impl Tree {
             let distance = (bound.sqrt() - radius).max(0.0);
             *bound = distance * distance;
         }
-        let mut best = (0, f64::INFINITY);
+        let mut best = (usize::MAX, reach * reach);
         let mut search = |group: &Group, best: &mut (usize, f64)| {
             group.points.squared_distances(x, distances);
             for (&node, &distance) in group.members.iter().zip(&*distances) {
@@ -216,7 +223,9 @@ impl Tree {
         };
         // The most promising group first: most others are then skipped.
         let promising = (0..groups.len()).min_by(|&a, &b| bounds[a].total_cmp(&bounds[b]));
-        if let Some(first) = promising {
+        if let Some(first) = promising
+            && bounds[first] < best.1
+        {
             search(&groups[first], &mut best);
             bounds[first] = f64::INFINITY;
         }
@@ -225,7 +234,7 @@ impl Tree {
                 search(group, &mut best);
             }
         }
-        (best.0, best.1.sqrt())
+        (best.0 != usize::MAX).then(|| (best.0, best.1.sqrt()))
     }
 }
 

@@ -78,12 +78,12 @@ pub fn walls() -> impl Validity {
 }
 
 /// The planner's options that are not left as they are: long steps, and samples
-/// from as far about a chart as the sphere is wide.
+/// from as far about a chart as the sphere is wide, or less where walls are near.
 pub fn options(seed: u64) -> PlannerOptions {
     let mut options = PlannerOptions::default();
     options.seed = seed;
     options.step = STEP;
-    options.sample_radius = SampleRadius::Fixed(1.0);
+    options.sample_radius = SampleRadius::Adaptive { largest: 2.0 };
     options
 }
 

@@ -321,13 +321,14 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             // The last nodes of the branch and evenly spaced ones before.
             let node = branch.last - i * count / candidates;
             let point = self.trees[tree].point(node);
-            let (near, distance) = if self.trees.len() == 2 {
+            let nearer = if self.trees.len() == 2 {
                 target.copy_from_slice(point);
-                self.trees[1 - tree].nearest(target)
+                self.trees[1 - tree].nearest_within(target, best.0)
             } else {
-                (0, squared_distance(point, &self.goal).sqrt())
+                let distance = squared_distance(point, &self.goal).sqrt();
+                (distance < best.0).then_some((0, distance))
             };
-            if distance < best.0 {
+            if let Some((near, distance)) = nearer {
                 best = (distance, node, near);
             }
         }
