@@ -5,6 +5,10 @@
 
 use thiserror::Error;
 
+/// More members than this would make pairs of members too many to watch. Files with more are
+/// refused.
+pub(crate) const MOST_MEMBERS: usize = 2000;
+
 /// Which nodes are joined by members (linear actuators).
 ///
 /// # Examples

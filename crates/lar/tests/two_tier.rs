@@ -142,6 +142,13 @@ fn walled_in_goals_and_bad_starts_are_refused() {
         ),
         "{error}"
     );
+    for far in [1e30, -2000.0] {
+        let error = planner.walk(&start, &goal(far)).unwrap_err();
+        assert!(
+            matches!(error, TwoTierError::TooFar { index: 0, .. }),
+            "{error}"
+        );
+    }
     let mut crooked = start.clone();
     crooked.coordinates[9] += 0.1;
     let error = planner.walk(&crooked, &goal(1.0)).unwrap_err();

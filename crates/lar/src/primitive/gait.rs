@@ -5,15 +5,16 @@
 //! gait turn left and, mirrored, right; entered from the stance and left to it, it walks along any
 //! path over the triangular grid that does not go back over the side just come over.
 
+use super::follow::{follows_back, follows_turns};
 use super::motion::{Ends, TipMirror};
 use super::search::{Sequence, Solved, interpolate, repeated, resample, solve_full};
-use super::sequence::{Stance, SymmetricRobot, Turn, next_side, straight_strip};
+use super::sequence::{Stance, SymmetricRobot, Turn, straight_strip};
 use super::symmetry::match_nodes;
 use super::{
     Primitive, PrimitiveAttempt, PrimitiveError, PrimitiveOptions, SupportedMotion, actuation_cost,
     length_ratio,
 };
-use crate::{DynamicsOptions, GroundIsometry, Robot, Support, simulate_motion};
+use crate::{GroundIsometry, Robot, Support};
 
 /// A periodic gait (equation (39)): from the tipping configuration of one roll to that of the
 /// next, of the same shape, along a straight strip.
@@ -307,60 +308,9 @@ impl TurningGait {
     }
 }
 
-impl TurningGait {
-    /// Whether a simulated robot follows the way back, entered from the stance and left by a turn.
-    /// None without a way back.
-    fn follows_back(&self) -> Option<bool> {
-        let back = self.back.as_ref()?;
-        let (symmetric, robot) = (&self.symmetric, self.symmetric.robot());
-        let start = symmetric.start();
-        let (over, roll) = symmetric.roll(&start, symmetric.side())?;
-        let come_over = over.support.side_between(&roll.pivots)?;
-        let (again, roll) = symmetric.roll(&over, come_over)?;
-        let left = next_side(robot, &again, &roll, Turn::Left);
-        let mut motion: Option<SupportedMotion> = None;
-        for (part, stance, side) in [
-            (&self.entry, &start, symmetric.side()),
-            (back, &start, symmetric.side()),
-            (&self.turn, &over, come_over),
-            (&self.exit, &again, left),
-        ] {
-            let placed = symmetric.place(part, stance, side, false)?;
-            match &mut motion {
-                None => motion = Some(placed),
-                Some(motion) => motion.append(placed),
-            }
-        }
-        let motion = motion?;
-        let side = start.support.nodes();
-        let at = |k: usize| robot.dimension().node(&start.coordinates, side[k]);
-        let tolerance = STRAY * (at(1) - at(0)).norm();
-        let rolls = motion.rolls.len() as f64;
-        Some(SECONDS_OF_ROLL.iter().all(|seconds| {
-            simulate_motion(robot, &motion, seconds * rolls, &DynamicsOptions::default())
-                .is_ok_and(|report| report.mean_error <= tolerance)
-        }))
-    }
-}
-
-/// Times of a roll at which the way back is simulated, and the mean error allowed, in sides.
-const SECONDS_OF_ROLL: [f64; 2] = [6.0, 12.0];
-const STRAY: f64 = 0.01;
-
-/// Part of the period, from its roll on, in which the gait that turns stays symmetric; and the part
-/// where the centre of mass falls by more than [`SOFT_FALL`] of a side in the roll.
-const HELD: f64 = 0.25;
-const HELD_AFTER_FALL: f64 = 0.4;
-const SOFT_FALL: f64 = 0.05;
-
-/// How far the centre of mass falls in the roll of a motion that begins with it.
-fn fall(robot: &Robot, motion: &SupportedMotion) -> f64 {
-    let height = |configuration: usize| {
-        let coordinates = &motion.configurations[configuration];
-        robot.centre_of_mass(coordinates).z
-    };
-    height(0) - height(1)
-}
+/// Parts of the period, from its roll on, in which the gait that turns stays symmetric: the first
+/// with which a simulated robot follows it.
+const HELD: [f64; 3] = [0.25, 0.4, 0.5];
 
 /// Part of the largest step that nodes take on the straight way to and from the gait.
 const PACE: f64 = 0.6;
@@ -377,35 +327,50 @@ fn longest_way(from: &[f64], to: &[f64]) -> f64 {
 ///
 /// The cheapest gaits are not those that a robot with mass can follow: it rolls late, for it starts
 /// from balance, lands with speed, and rocks over the node that lands. What rocks sideways, or falls
-/// far, does not come to rest where it should. The robot therefore stays symmetric for a part of the
-/// period after the roll, so that it rocks straight ahead and back, and the fall of its centre of
-/// mass is bounded ([`max_fall`](PrimitiveOptions::max_fall)). The way back over the same side, which
-/// leaves it close to balance all the time, is left out where a simulated robot does not follow it.
+/// far, does not come to rest where it should. The fall of the centre of mass is therefore bounded
+/// ([`max_fall`](PrimitiveOptions::max_fall)), and the robot stays symmetric for a part of the period
+/// after the roll, so that it rocks straight ahead and back; a longer part where a simulated robot
+/// does not follow the gait otherwise ([`simulate_motion`](crate::simulate_motion)). The way back
+/// over the same side, which leaves the robot close to balance all the time, is left out where it is
+/// not followed.
 ///
 /// # Errors
-/// See [`PrimitiveError`]; `NotFound` when one of the three motions is not found.
+/// See [`PrimitiveError`]; `NotFound` when one of the motions is not found, or none is followed.
 pub fn find_turning_gait(
     primitive: &Primitive,
     options: &PrimitiveOptions,
 ) -> Result<TurningGait, PrimitiveError> {
     options.validate()?;
+    for part in HELD {
+        let held = (part * options.steps as f64) as usize;
+        let mut gait = solve_turning_gait(primitive, held, options)?;
+        if follows_turns(&gait) {
+            if !follows_back(&gait) {
+                gait.back = None;
+            }
+            return Ok(gait);
+        }
+    }
+    Err(PrimitiveError::NotFound {
+        reason: "a robot with mass follows none of the gaits".to_owned(),
+    })
+}
+
+/// A gait that can turn whose period stays symmetric for `held` configurations after its roll.
+fn solve_turning_gait(
+    primitive: &Primitive,
+    held: usize,
+    options: &PrimitiveOptions,
+) -> Result<TurningGait, PrimitiveError> {
     let symmetric = primitive.symmetric_robot();
     let sequence = Sequence::new(symmetric, &[Turn::Left])?;
     let images = TipImages::new(symmetric).ok_or(PrimitiveError::Sequence)?;
-    let mut mirror = TipMirror {
+    let mirror = TipMirror {
         map: images.mirror.map,
         partners: images.mirror.roles,
-        held: (HELD * options.steps as f64) as usize,
+        held,
     };
-    let period = |mirror: &TipMirror| {
-        solve_period(primitive, &sequence, &images.left, Some(mirror), options)
-            .map(|solved| solved.motion)
-    };
-    let mut turn = period(&mirror)?;
-    if fall(symmetric.robot(), &turn) > SOFT_FALL * sequence.side() {
-        mirror.held = (HELD_AFTER_FALL * options.steps as f64) as usize;
-        turn = period(&mirror)?;
-    }
+    let turn = solve_period(primitive, &sequence, &images.left, Some(&mirror), options)?.motion;
 
     let (tip, turned) = (&turn.configurations[0], &turn.configurations[1]);
     let single = Sequence::new(symmetric, &[])?;
@@ -451,15 +416,11 @@ pub fn find_turning_gait(
         Some(Err(PrimitiveError::NotFound { .. })) | None => None,
         Some(Err(other)) => return Err(other),
     };
-    let mut gait = TurningGait {
+    Ok(TurningGait {
         symmetric: symmetric.clone(),
         entry,
         turn,
         back,
         exit,
-    };
-    if gait.follows_back() == Some(false) {
-        gait.back = None;
-    }
-    Ok(gait)
+    })
 }

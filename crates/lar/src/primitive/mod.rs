@@ -2,6 +2,7 @@
 //! periodic gaits. Source: Usevitch et al., section V.
 
 mod between;
+mod follow;
 mod gait;
 mod motion;
 mod search;

@@ -105,7 +105,7 @@ impl<'a> Sequence<'a> {
     }
 
     /// Length of the sides of the support triangles.
-    pub(super) fn side(&self) -> f64 {
+    fn side(&self) -> f64 {
         let Stance {
             coordinates,
             support,

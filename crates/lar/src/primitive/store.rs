@@ -11,6 +11,7 @@ use super::gait::{TipImages, strip_period};
 use super::sequence::Stance;
 use super::symmetry::relabellings;
 use super::{Gait, Primitive, SupportedMotion, SymmetricRobot, Turn, TurningGait};
+use crate::graph::MOST_MEMBERS;
 use crate::{
     Dimension, Graph, GraphError, Limits, Robot, RobotError, Support, SupportError, SymmetryError,
     Visit, Walk, WalkCheckOptions, WalkContext, WalkFacts, WalkStatistics, check_walk,
@@ -210,6 +211,12 @@ impl StoredRobot {
             return Err(unfit(format!(
                 "the start has {found} nodes, the robot {}",
                 self.nodes
+            )));
+        }
+        if self.edges.len() > MOST_MEMBERS {
+            let found = self.edges.len();
+            return Err(unfit(format!(
+                "{found} members are too many: at most {MOST_MEMBERS}"
             )));
         }
         let graph = Graph::new(self.nodes, self.edges)?;

@@ -6,6 +6,7 @@ use toml::Spanned;
 
 use super::tables::{MemberList, Preset, RobotTable};
 use super::{Locator, WalkProblemError, read_place};
+use crate::graph::MOST_MEMBERS;
 use crate::known::RobotAtStart;
 use crate::{
     Dimension, Framework, Graph, GraphError, Limits, Rigidity, Robot, Stance, Support, unit_k5,
@@ -69,9 +70,6 @@ pub(super) fn read_robot(
     }
     Ok((robot, names, start))
 }
-
-/// More members than this would make pairs of members too many to watch.
-const MOST_MEMBERS: usize = 2000;
 
 fn read_explicit_robot(
     at: &Locator<'_>,

@@ -36,6 +36,20 @@ pub enum TwoTierError {
     /// A start or a waypoint that cannot be.
     #[error(transparent)]
     Place(#[from] PlaceError),
+    /// A waypoint that only a walk of excessive length would reach.
+    #[error(
+        "waypoint {index} is {distance:.3e} away from the one before it, or the start: at most {limit} sides of the support triangle, {most:.3e}, are walked at once"
+    )]
+    TooFar {
+        /// Index of the waypoint.
+        index: usize,
+        /// Its distance from the place before it.
+        distance: f64,
+        /// Greatest distance in sides.
+        limit: f64,
+        /// Greatest distance.
+        most: f64,
+    },
     /// No sequence of rolls leads to a waypoint.
     #[error(
         "no sequence of rolls leads to waypoint {index}: {explored} support polygons can be reached, none of them there"
@@ -47,6 +61,9 @@ pub enum TwoTierError {
         explored: usize,
     },
 }
+
+/// Greatest distance of waypoints, in sides of the support triangle.
+const FARTHEST: f64 = 1000.0;
 
 /// A walk over the triangular grid.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,6 +146,22 @@ impl<'a> TwoTierPlanner<'a> {
                 .into()
         });
         let grid = TriangularGrid::new(corners);
+
+        let mut place = grid.centre(Cell::ORIGIN);
+        let most = FARTHEST * (corners[1] - corners[0]).norm();
+        for (index, goal) in goals.iter().enumerate() {
+            let distance = (goal.centre() - place).norm();
+            if !(distance <= most) {
+                let limit = FARTHEST;
+                return Err(TwoTierError::TooFar {
+                    index,
+                    distance,
+                    limit,
+                    most,
+                });
+            }
+            place = goal.centre();
+        }
 
         // The first tier: cells.
         let mut cells = vec![Cell::ORIGIN];
