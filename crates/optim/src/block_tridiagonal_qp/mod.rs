@@ -33,6 +33,11 @@ const TO_THE_BOUND: f64 = 0.995;
 /// Smallest interior distance from a bound at the start, relative to the width between bounds.
 const INTERIOR: f64 = 1e-2;
 
+/// Rows give way by this much, over the Hessian's largest entry, for each unit of a multiplier's
+/// change: the weights of active rows would else drown the Hessian in rounding errors. What is
+/// amiss with a step by that is put right by the next.
+const SOFTEST: f64 = 1e-12;
+
 /// Σ aᵢ bᵢ, with several sums, so that it is vectorised.
 #[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -476,6 +481,45 @@ pub struct BlockTridiagonalQpSolver {
     factor: BlockCholesky,
 }
 
+/// [`BlockTridiagonalQpSolver::iterate`], compiled for the widest vectors that the processor has.
+/// A closure of this size would be called as a function compiled for any processor.
+struct Solve<'a> {
+    solver: &'a mut BlockTridiagonalQpSolver,
+    qp: &'a BlockTridiagonalQp,
+}
+
+impl pulp::NullaryFnOnce for Solve<'_> {
+    type Output = Result<BlockTridiagonalQpReport, BlockTridiagonalQpError>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        self.solver.iterate(self.qp)
+    }
+}
+
+/// The same for a factorisation alone; whether there is one.
+struct Factorise<'a> {
+    factor: &'a mut BlockCholesky,
+    qp: &'a BlockTridiagonalQp,
+}
+
+impl pulp::NullaryFnOnce for Factorise<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        let BlockTridiagonalQp {
+            blocks,
+            size,
+            diagonal,
+            coupling,
+            ..
+        } = self.qp;
+        self.factor.load(*blocks, *size, diagonal, coupling);
+        self.factor.factorise().is_ok()
+    }
+}
+
 /// A Newton step in all unknowns.
 #[derive(Debug, Clone, Default)]
 struct Direction {
@@ -571,14 +615,10 @@ impl BlockTridiagonalQpSolver {
 
     /// Whether the Hessian of `qp` is positive definite. Cost: one factorisation.
     pub fn is_convex(&mut self, qp: &BlockTridiagonalQp) -> bool {
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                self.factor
-                    .load(qp.blocks, qp.size, &qp.diagonal, &qp.coupling);
-                self.factor.factorise().is_ok()
-            },
-        )
+        pulp::Arch::new().dispatch(Factorise {
+            factor: &mut self.factor,
+            qp,
+        })
     }
 
     /// Solves `qp`.
@@ -591,10 +631,7 @@ impl BlockTridiagonalQpSolver {
         qp: &BlockTridiagonalQp,
     ) -> Result<BlockTridiagonalQpReport, BlockTridiagonalQpError> {
         qp.validate()?;
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || self.iterate(qp),
-        )
+        pulp::Arch::new().dispatch(Solve { solver: self, qp })
     }
 
     #[inline(always)]
@@ -800,12 +837,13 @@ impl BlockTridiagonalQpSolver {
             let weight = self.lower_multiplier[i] * below + self.upper_multiplier[i] * above;
             self.factor.add_diagonal(i, weight);
         }
+        let softest = SOFTEST / largest(&qp.diagonal).max(f64::MIN_POSITIVE);
         for (i, row) in qp.rows.iter().enumerate() {
             let (value, multiplier) = (self.value[i], self.multiplier[i]);
             let (inverse, rest) = (1.0 / multiplier, 1.0 / (row.price - multiplier));
             self.multiplier_inverse[i] = inverse;
             self.rest_inverse[i] = rest;
-            let weight = 1.0 / (value * inverse + self.slack[i] * rest);
+            let weight = 1.0 / (value * inverse + self.slack[i] * rest + softest);
             self.row_weight[i] = weight;
             self.factor
                 .add_outer_product(row.block as usize, qp.coefficients(row), weight);

@@ -197,9 +197,21 @@ impl Chain {
         if needed.iter().all(|&n| n <= 1.0) {
             return Ok(0);
         }
-        let mut count = 0;
-        for segment in (0..needed.len()).rev().filter(|&i| needed[i] > NEARLY) {
-            count += 1;
+        let long: Vec<usize> = (0..needed.len()).filter(|&i| needed[i] > NEARLY).collect();
+        self.halve(manifold, &long)?;
+        Ok(long.len())
+    }
+
+    /// Splits some segments, in ascending order, into halves.
+    ///
+    /// # Errors
+    /// As [`Chain::split`].
+    pub(super) fn halve<M: ImplicitManifold + ?Sized>(
+        &mut self,
+        manifold: &M,
+        segments: &[usize],
+    ) -> Result<(), usize> {
+        for &segment in segments.iter().rev() {
             let (x, chart) = self.between(manifold, segment, 0.5).ok_or(segment)?;
             self.points.insert(segment + 1, x);
             self.charts.insert(segment, chart);
@@ -211,8 +223,16 @@ impl Chain {
             self.fractions.insert(segment + 1, fractions);
             self.margins.insert(segment + 1, self.margins[segment]);
         }
-        self.respace();
-        Ok(count)
+        if !segments.is_empty() {
+            self.respace();
+        }
+        Ok(())
+    }
+
+    /// Of some segments those with as many constrained fractions as may be.
+    pub(super) fn closely_watched(&self, segments: &[usize]) -> Vec<usize> {
+        let watched = |&segment: &usize| self.fractions[segment] >= MOST_FRACTIONS;
+        segments.iter().copied().filter(watched).collect()
     }
 
     /// A point of the manifold at a fraction of a segment, and its chart; `None` where

@@ -321,9 +321,13 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
             if done || round == options.max_rounds {
                 break;
             }
+            let stubborn = chain.closely_watched(&blocked);
             if !blocked.is_empty() && !chain.watch_closer(&blocked) {
                 relaxation.widen_margin();
             }
+            chain
+                .halve(self.manifold, &stubborn)
+                .map_err(|segment| torn(segment, &chain))?;
             // What was never on a fine mesh may need a new one.
             if 4 * split > chain.segments() {
                 chain

@@ -34,6 +34,11 @@ const OVERLOOKED: f64 = 1e-7;
 /// How often a step is tried again with rows found where it ended.
 const CUTTING_ROUNDS: usize = 4;
 
+/// Iterations end after so many steps that have lowered the energy by less than this fraction
+/// altogether. On plateaus that lead to lower ground it has been several times as much.
+const STALE: usize = 15;
+const STALE_GAIN: f64 = 1e-3;
+
 /// A row about the chain's points that was found elsewhere.
 struct Cut {
     block: usize,
@@ -169,6 +174,8 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
         self.trial.clone_from(&chain.points);
         let mut stalled = 0;
         let mut refused = 0;
+        // Energies after the steps taken without violation.
+        let mut energies = Vec::new();
         self.cuts.clear();
         self.pushes.clear();
         for _ in 0..max_iterations {
@@ -255,6 +262,16 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
                 radius = radius.max(SMALLEST_RADIUS);
                 refused = 0;
                 self.cuts.clear();
+                if relaxed.violation > 0.0 {
+                    energies.clear();
+                } else {
+                    let energy = chain.energy(&chain.points);
+                    energies.push(energy);
+                    let before = energies.len().checked_sub(STALE + 1).map(|i| energies[i]);
+                    if before.is_some_and(|before| energy > (1.0 - STALE_GAIN) * before) {
+                        break;
+                    }
+                }
             } else {
                 // Other places than those constrained came close: constrain them.
                 refused += 1;
