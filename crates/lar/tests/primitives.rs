@@ -231,10 +231,10 @@ fn strip_gaits_are_placed_mirrored_and_stored() {
         ("/version", 1.into(), "optimised anew"),
         ("/format", "tensegra-gait".into(), "tensegra-strip-gait"),
         (point, serde_json::Value::Null, "invalid type: null"),
-        (point, 1e300.into(), "configuration 5"),
+        (point, 1e300.into(), "configuration 5 of the period"),
         (point, (-0.1).into(), "configuration 5"),
         ("/motion/period/5", serde_json::json!([]), "0 nodes"),
-        ("/motion/period", serde_json::json!([]), "0 configurations"),
+        ("/motion/period", serde_json::json!([]), "the period has 0"),
         ("/robot/limits/max_length", 0.9.into(), "greatest length"),
         ("/robot/limits/max_length", (-4.0).into(), "max_length"),
         (

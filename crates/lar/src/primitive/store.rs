@@ -237,8 +237,10 @@ impl StoredRobot {
     }
 }
 
-/// A motion of `symmetric` along `stances` from what a file holds of it, judged.
+/// A motion of `symmetric` along `stances` from what a file holds of it, judged; `name` says in
+/// errors which one it is.
 fn read_motion(
+    name: &str,
     symmetric: &SymmetricRobot,
     stances: &[Stance],
     rolls: Vec<usize>,
@@ -252,7 +254,7 @@ fn read_motion(
         || stored.is_empty()
     {
         return Err(unfit(format!(
-            "{} configurations and {} supports with rolls {rolls:?}",
+            "{name} has {} configurations and {} supports with rolls {rolls:?}",
             stored.len(),
             stances.len()
         )));
@@ -262,12 +264,16 @@ fn read_motion(
     for (index, points) in stored.iter().enumerate() {
         if points.len() != nodes {
             return Err(unfit(format!(
-                "configuration {index} has {} nodes, the robot {nodes}",
+                "configuration {index} of {name} has {} nodes, the robot {nodes}",
                 points.len()
             )));
         }
         let configuration = points.concat();
-        require_limits(robot, &format!("configuration {index}"), &configuration)?;
+        require_limits(
+            robot,
+            &format!("configuration {index} of {name}"),
+            &configuration,
+        )?;
         // Certifying a step takes time in proportion to its length.
         let last = configurations.last().unwrap_or(&configuration);
         if configuration
@@ -275,7 +281,9 @@ fn read_motion(
             .zip(last)
             .any(|(a, b)| !((a - b).abs() <= farthest))
         {
-            return Err(unfit(format!("configuration {index} is far from the last")));
+            return Err(unfit(format!(
+                "configuration {index} of {name} is far from the last"
+            )));
         }
         configurations.push(configuration);
     }
@@ -299,7 +307,7 @@ fn read_motion(
     let walk = Walk::new(&context, &motion, WalkStatistics::default());
     let verdict = check_walk(&WalkFacts::of(&walk), &walk, &WalkCheckOptions::default());
     match verdict.faults.first() {
-        Some(fault) => Err(unfit(fault.to_string())),
+        Some(fault) => Err(unfit(format!("{name}: {fault}"))),
         None => Ok(motion),
     }
 }
@@ -313,15 +321,26 @@ impl StoredPrimitive {
         }
     }
 
-    pub(crate) fn read(self, symmetric: &SymmetricRobot) -> Result<Primitive, MotionFileError> {
-        let (stances, _) = symmetric
-            .sequence(&self.turns)
-            .ok_or_else(|| unfit("its turns do not lead along symmetric stances"))?;
-        let motion = read_motion(symmetric, &stances, self.rolls, &self.configurations)?;
+    /// The primitive; `name` says in errors which one it is.
+    pub(crate) fn read(
+        self,
+        name: &str,
+        symmetric: &SymmetricRobot,
+    ) -> Result<Primitive, MotionFileError> {
+        let (stances, _) = symmetric.sequence(&self.turns).ok_or_else(|| {
+            unfit(format!(
+                "the turns of {name} do not lead along symmetric stances"
+            ))
+        })?;
+        let motion = read_motion(name, symmetric, &stances, self.rolls, &self.configurations)?;
         let end = stances[stances.len() - 1].clone();
         let (first, last) = ends(&motion);
-        require_same("its first configuration", first, &stances[0].coordinates)?;
-        require_same("its last configuration", last, &end.coordinates)?;
+        require_same(
+            &format!("the start of {name}"),
+            first,
+            &stances[0].coordinates,
+        )?;
+        require_same(&format!("the end of {name}"), last, &end.coordinates)?;
         Ok(Primitive {
             symmetric: symmetric.clone(),
             turns: self.turns,
@@ -350,7 +369,13 @@ impl StoredStripGait {
     pub(crate) fn read(self, symmetric: &SymmetricRobot) -> Result<Gait, MotionFileError> {
         let (stances, period) = strip_period(symmetric)
             .ok_or_else(|| unfit("its strip does not lead along symmetric stances"))?;
-        let mut motion = read_motion(symmetric, &stances[..2], vec![0], &self.period)?;
+        let mut motion = read_motion(
+            "the period",
+            symmetric,
+            &stances[..2],
+            vec![0],
+            &self.period,
+        )?;
         let (tip, next) = ends(&motion);
         let image = period.image(symmetric.robot(), tip);
         require_same("the end of its period", next, &image)?;
@@ -384,11 +409,21 @@ impl StoredGait {
         let images = TipImages::new(symmetric)
             .ok_or_else(|| unfit("its turn does not lead to a symmetric stance"))?;
         let robot = symmetric.robot();
-        let entry = read_motion(symmetric, &stances[..1], Vec::new(), &self.entry)?;
-        let over_roll = |stored| read_motion(symmetric, &stances, vec![0], stored);
-        let turn = over_roll(&self.turn)?;
-        let exit = over_roll(&self.exit)?;
-        let back = self.back.as_ref().map(over_roll).transpose()?;
+        let entry = read_motion(
+            "the gait's entry",
+            symmetric,
+            &stances[..1],
+            Vec::new(),
+            &self.entry,
+        )?;
+        let over_roll = |name, stored| read_motion(name, symmetric, &stances, vec![0], stored);
+        let turn = over_roll("the gait's turn", &self.turn)?;
+        let exit = over_roll("the gait's exit", &self.exit)?;
+        let back = self
+            .back
+            .as_ref()
+            .map(|back| over_roll("the gait's way back", back))
+            .transpose()?;
 
         let (start, entered) = ends(&entry);
         let (tip, turned) = ends(&turn);
@@ -461,7 +496,7 @@ impl Primitive {
     /// checked, and the motion by [`check_walk`].
     pub fn from_json(text: &str) -> Result<Self, MotionFileError> {
         let (symmetric, stored): (_, StoredPrimitive) = from_json(PRIMITIVE_FORMAT, text)?;
-        stored.read(&symmetric)
+        stored.read("the primitive", &symmetric)
     }
 }
 

@@ -142,7 +142,11 @@ impl PrimitiveLibrary {
                 expected: format!("{expected:?}"),
             });
         }
-        let mut primitives = file.primitives.into_iter().map(|p| p.read(&symmetric));
+        let mut primitives = file
+            .primitives
+            .into_iter()
+            .enumerate()
+            .map(|(index, stored)| stored.read(&format!("primitive {index}"), &symmetric));
         let one_roll = primitives
             .next()
             .transpose()?
