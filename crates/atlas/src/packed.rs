@@ -34,6 +34,11 @@ impl PackedPoints {
         }
     }
 
+    /// Number of coordinates of a point.
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.len
@@ -57,14 +62,6 @@ impl PackedPoints {
             block[lane] = x;
         }
         self.len += 1;
-    }
-
-    /// Copies a point into `x`.
-    pub fn copy(&self, index: usize, x: &mut [f64]) {
-        let first = index / LANES * self.dimension;
-        for (x, block) in x.iter_mut().zip(&self.blocks[first..]) {
-            *x = block[index % LANES];
-        }
     }
 
     /// Writes the squared distance of every point from x.
@@ -105,12 +102,9 @@ mod tests {
             points.squared_distances(&x, &mut distances);
             assert_eq!(distances.len(), points.len());
         }
-        let mut copy = [0.0; 3];
         for (i, distance) in distances.into_iter().enumerate() {
             let square = crate::atlas::squared_distance(&point(i), &x);
             assert!((distance - square).abs() < 1e-12 * square);
-            points.copy(i, &mut copy);
-            assert_eq!(copy, point(i));
         }
     }
 }

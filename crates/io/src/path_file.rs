@@ -17,8 +17,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use tensegra_model::{
-    Actuation, Configuration, ElementKind, Formulation, Path, PlannerKind, PlannerSettings,
-    Problem, ReadErrors, SamplingRadius, SourceFile, Structure,
+    Actuation, Configuration, ElementKind, Formulation, NeighbourSearch, Path, PlannerKind,
+    PlannerSettings, Problem, ReadErrors, SamplingRadius, SourceFile, Structure,
 };
 
 use crate::{
@@ -687,6 +687,11 @@ fn parameters(settings: &PlannerSettings) -> Value {
             SamplingRadius::Adaptive => json!("adaptive"),
             SamplingRadius::Fixed(radius) => json!(radius),
         },
+        "neighbours": NeighbourSearch::NAMED
+            .iter()
+            .find(|(_, search)| *search == settings.neighbours)
+            .map(|(name, _)| name),
+        "slide": settings.slide,
         "max_newton_iterations": settings.max_newton_iterations,
         "max_charts": settings.max_charts,
         "max_nodes": settings.max_nodes,

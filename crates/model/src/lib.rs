@@ -41,7 +41,9 @@ pub use equilibrium::{
 };
 pub use form::{FormCondition, FormCost, FormSettings};
 pub use free_space::{BodyError, Closest, FreeSpace, Memory};
-pub use problem::{Endpoint, Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius};
+pub use problem::{
+    Endpoint, Formulation, NeighbourSearch, PlannerKind, PlannerSettings, Problem, SamplingRadius,
+};
 pub use stable::Stable;
 pub use statics::{Actuation, Stability};
 pub use structure::{

@@ -48,6 +48,28 @@ pub enum SamplingRadius {
     Adaptive,
 }
 
+/// How a planner finds the node of its tree that is nearest to a point. All ways find
+/// the same node; they differ in speed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NeighbourSearch {
+    /// Nodes grouped by chart.
+    #[default]
+    ByChart,
+    /// All nodes, one after the other.
+    Linear,
+    /// A k-d tree.
+    KdTree,
+}
+
+impl NeighbourSearch {
+    /// All ways, with the names that files know them by.
+    pub const NAMED: [(&str, Self); 3] = [
+        ("chart", Self::ByChart),
+        ("linear", Self::Linear),
+        ("kd-tree", Self::KdTree),
+    ];
+}
+
 /// Parameters of planning; the defaults are those of Porta and Hernández-Juan (2016).
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -70,6 +92,8 @@ pub struct PlannerSettings {
     pub step: f64,
     /// Radius from which samples are drawn.
     pub sampling_radius: SamplingRadius,
+    /// How nearest nodes are found.
+    pub neighbours: NeighbourSearch,
     /// Whether branches slide along limits and contacts instead of stopping there.
     pub slide: bool,
     /// Newton iterations after which a projection is given up.
@@ -101,6 +125,7 @@ impl Default for PlannerSettings {
             curvature: 0.1,
             step: 0.05,
             sampling_radius: SamplingRadius::default(),
+            neighbours: NeighbourSearch::default(),
             slide: true,
             max_newton_iterations: 50,
             max_charts: 150_000,

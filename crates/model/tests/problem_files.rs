@@ -4,8 +4,8 @@ use std::{fs, path::PathBuf};
 
 use nalgebra::Vector3;
 use tensegra_model::{
-    Body, Coupling, ElementKind, ForceLaw, Formulation, Interval, PlannerKind, PlannerSettings,
-    Problem, Role, SamplingRadius, Shape, Structure,
+    Body, Coupling, ElementKind, ForceLaw, Formulation, Interval, NeighbourSearch, PlannerKind,
+    PlannerSettings, Problem, Role, SamplingRadius, Shape, Structure,
 };
 
 fn fixture(name: &str) -> Problem {
@@ -276,7 +276,7 @@ fn what_is_not_stated_has_defaults() {
 fn every_key_of_the_planner_reaches_its_setting() {
     let planner = "[planner]\nkind = \"one-tree\"\nformulation = \"directions\"\ntolerance = 1e-8
         chart_radius = 0.3\nchart_error = 0.2\ncurvature = 0.15\nstep = 0.01\ntime_limit = 5
-        sampling_radius = 2.5\nslide = false\nmax_newton_iterations = 7\nmax_charts = 8\nmax_nodes = 9
+        sampling_radius = 2.5\nneighbours = \"kd-tree\"\nslide = false\nmax_newton_iterations = 7\nmax_charts = 8\nmax_nodes = 9
         expected_dimension = 3";
     let text = format!("name = \"x\"\nseed = 17\n{}", cross("", planner));
     let problem = read(&text).unwrap();
@@ -290,6 +290,7 @@ fn every_key_of_the_planner_reaches_its_setting() {
     expected.step = 0.01;
     expected.time_limit = 5.0;
     expected.sampling_radius = SamplingRadius::Fixed(2.5);
+    expected.neighbours = NeighbourSearch::KdTree;
     expected.slide = false;
     expected.max_newton_iterations = 7;
     expected.max_charts = 8;

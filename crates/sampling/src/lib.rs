@@ -9,6 +9,7 @@
 //! [`Validity`]: tensegra_atlas::Validity
 
 mod atlas_rrt;
+mod neighbours;
 mod options;
 mod plan;
 mod shortcut;
@@ -19,7 +20,7 @@ mod tree;
 mod walk;
 
 pub use atlas_rrt::AtlasRrt;
-pub use options::{PlannerOptions, SampleRadius};
+pub use options::{NeighbourSearch, PlannerOptions, SampleRadius};
 pub use plan::{Failure, Observer, Plan, PlanError, Progress, Statistics, StopCounts};
 pub use shortcut::{ShortcutOptions, Shortcutter, Shortened};
 pub use smooth::{

@@ -16,6 +16,20 @@ pub enum SampleRadius {
     },
 }
 
+/// How the node nearest to a sample is found; all are exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NeighbourSearch {
+    /// Nodes are grouped by chart, and groups that are too far are skipped. A query
+    /// costs a distance for each chart, and one for each node of charts nearby.
+    #[default]
+    ByChart,
+    /// A distance for each node.
+    Linear,
+    /// A k-d tree. It divides along single coordinates, of which there are more than
+    /// the manifold has dimensions.
+    KdTree,
+}
+
 /// Parameters of [`AtlasRrt`](crate::AtlasRrt). The defaults solve all benchmark
 /// problems; distances are in the manifold's coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +48,8 @@ pub struct PlannerOptions {
     pub domain: ChartDomain,
     /// Radius ρ_s of sampling.
     pub sample_radius: SampleRadius,
+    /// How nearest nodes are found.
+    pub neighbours: NeighbourSearch,
     /// Probability that a branch aims at a random node of the other tree (at
     /// the goal, with one tree) instead of at a sample.
     pub goal_bias: f64,
@@ -67,6 +83,7 @@ impl Default for PlannerOptions {
             path_step: f64::INFINITY,
             domain: ChartDomain::default(),
             sample_radius: SampleRadius::Fixed(6.0),
+            neighbours: NeighbourSearch::default(),
             goal_bias: 0.1,
             tolerance: 1e-5,
             slide: true,

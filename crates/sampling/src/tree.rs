@@ -1,17 +1,6 @@
-//! A tree of points of the manifold, with nearest neighbours by chart.
-//!
-//! Nodes are grouped by the chart that represents them; a group whose centre
-//! minus radius is farther than the best node found is skipped. Exact; a query
-//! costs one distance per chart and one per node in the charts nearby.
+//! A tree of points of the manifold.
 
-use tensegra_atlas::PackedPoints;
-
-/// Nodes of one chart.
-#[derive(Clone, Debug)]
-struct Group {
-    members: Vec<u32>,
-    points: PackedPoints,
-}
+use crate::{neighbours::Neighbours, options::NeighbourSearch};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Tree {
@@ -22,15 +11,7 @@ pub(crate) struct Tree {
     /// Charts that nodes are or were represented by, and whether a chart is one.
     used: Vec<usize>,
     is_used: Vec<bool>,
-    groups: Vec<Group>,
-    /// Centres of the groups, and how far their members lie from them.
-    centers: PackedPoints,
-    radii: Vec<f64>,
-    /// Group of each chart of the atlas, `u32::MAX` where there is none.
-    group_of_chart: Vec<u32>,
-    /// Scratch: lower bounds of the distances of groups, and distances of members.
-    bounds: Vec<f64>,
-    distances: Vec<f64>,
+    neighbours: Neighbours,
 }
 
 const NONE: u32 = u32::MAX;
@@ -60,28 +41,19 @@ pub(crate) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 
 impl Tree {
     /// A tree with one node.
-    pub(crate) fn new(root: &[f64], chart: usize, center: &[f64]) -> Self {
-        let mut tree = Self::empty(root.len());
-        tree.add(root, None, chart, center);
-        tree.use_chart(chart);
-        tree
-    }
-
-    fn empty(dimension: usize) -> Self {
-        Self {
-            dimension,
+    pub(crate) fn new(search: NeighbourSearch, root: &[f64], chart: usize) -> Self {
+        let mut tree = Self {
+            dimension: root.len(),
             points: Vec::new(),
             parents: Vec::new(),
             charts: Vec::new(),
             used: Vec::new(),
             is_used: Vec::new(),
-            groups: Vec::new(),
-            centers: PackedPoints::new(dimension),
-            radii: Vec::new(),
-            group_of_chart: Vec::new(),
-            bounds: Vec::new(),
-            distances: Vec::new(),
-        }
+            neighbours: Neighbours::new(search, root.len()),
+        };
+        tree.add(root, None, chart, root);
+        tree.use_chart(chart);
+        tree
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -96,8 +68,8 @@ impl Tree {
         self.charts[node] as usize
     }
 
-    /// Lets another chart represent a node. The node stays in its group, which
-    /// only serves the search for neighbours.
+    /// Lets another chart represent a node. The node stays where the search for
+    /// neighbours looks for it.
     pub(crate) fn set_chart(&mut self, node: usize, chart: usize) {
         self.charts[node] = chart as u32;
     }
@@ -134,24 +106,7 @@ impl Tree {
         self.points.extend_from_slice(point);
         self.parents.push(parent.map_or(NONE, |p| p as u32));
         self.charts.push(chart as u32);
-        if self.group_of_chart.len() <= chart {
-            self.group_of_chart.resize(chart + 1, NONE);
-        }
-        if self.group_of_chart[chart] == NONE {
-            self.group_of_chart[chart] = self.groups.len() as u32;
-            self.groups.push(Group {
-                members: Vec::new(),
-                points: PackedPoints::new(self.dimension),
-            });
-            self.centers.push(center);
-            self.radii.push(0.0);
-        }
-        let group = self.group_of_chart[chart] as usize;
-        let radius = &mut self.radii[group];
-        *radius = radius.max(squared_distance(point, center).sqrt());
-        let group = &mut self.groups[group];
-        group.members.push(node as u32);
-        group.points.push(point);
+        self.neighbours.add(node, point, chart, center);
         node
     }
 
@@ -161,33 +116,28 @@ impl Tree {
         if node == 0 {
             return;
         }
-        let mut whole = std::mem::replace(self, Self::empty(self.dimension));
-        self.used = std::mem::take(&mut whole.used);
-        self.is_used = std::mem::take(&mut whole.is_used);
-        let mut center = vec![0.0; self.dimension];
-        let mut group_charts = vec![0; whole.len()];
-        for (chart, &group) in whole.group_of_chart.iter().enumerate() {
-            if group != NONE {
-                for &member in &whole.groups[group as usize].members {
-                    group_charts[member as usize] = chart;
-                }
-            }
-        }
         // Parents come before their children.
-        let mut numbers = vec![NONE; whole.len()];
-        for old in 0..whole.len() {
-            let parent = whole.parent(old).map(|parent| numbers[parent]);
-            if old == node || parent == Some(NONE) {
-                continue;
+        let mut numbers: Vec<Option<usize>> = Vec::with_capacity(self.len());
+        let mut kept = 0;
+        for old in 0..self.len() {
+            let orphan = self.parent(old).is_some_and(|p| numbers[p].is_none());
+            let number = (old != node && !orphan).then_some(kept);
+            if number.is_some() {
+                let parent = self.parent(old).and_then(|p| numbers[p]);
+                self.parents[kept] = parent.map_or(NONE, |p| p as u32);
+                self.charts[kept] = self.charts[old];
+                let range = old * self.dimension..(old + 1) * self.dimension;
+                self.points.copy_within(range, kept * self.dimension);
+                kept += 1;
             }
-            let chart = group_charts[old];
-            let group = whole.group_of_chart[chart] as usize;
-            whole.centers.copy(group, &mut center);
-            let parent = parent.map(|parent| parent as usize);
-            let new = self.add(whole.point(old), parent, chart, &center);
-            self.set_chart(new, whole.chart(old));
-            numbers[old] = new as u32;
+            numbers.push(number);
         }
+        self.parents.truncate(kept);
+        self.charts.truncate(kept);
+        self.points.truncate(kept * self.dimension);
+        let (points, dimension) = (&self.points, self.dimension);
+        let point = |node: usize| &points[node * dimension..(node + 1) * dimension];
+        self.neighbours.renumber(&numbers, kept, point);
     }
 
     /// The node nearest to x, and its distance.
@@ -199,42 +149,8 @@ impl Tree {
     /// The node nearest to x, and its distance, if that is less than `reach`: the
     /// smaller, the cheaper.
     pub(crate) fn nearest_within(&mut self, x: &[f64], reach: f64) -> Option<(usize, f64)> {
-        let Self {
-            groups,
-            centers,
-            radii,
-            bounds,
-            distances,
-            ..
-        } = self;
-        centers.squared_distances(x, bounds);
-        for (bound, radius) in bounds.iter_mut().zip(&*radii) {
-            let distance = (bound.sqrt() - radius).max(0.0);
-            *bound = distance * distance;
-        }
-        let mut best = (usize::MAX, reach * reach);
-        let mut search = |group: &Group, best: &mut (usize, f64)| {
-            group.points.squared_distances(x, distances);
-            for (&node, &distance) in group.members.iter().zip(&*distances) {
-                if distance < best.1 {
-                    *best = (node as usize, distance);
-                }
-            }
-        };
-        // The most promising group first: most others are then skipped.
-        let promising = (0..groups.len()).min_by(|&a, &b| bounds[a].total_cmp(&bounds[b]));
-        if let Some(first) = promising
-            && bounds[first] < best.1
-        {
-            search(&groups[first], &mut best);
-            bounds[first] = f64::INFINITY;
-        }
-        for (group, &bound) in groups.iter().zip(&*bounds) {
-            if bound < best.1 {
-                search(group, &mut best);
-            }
-        }
-        (best.0 != usize::MAX).then(|| (best.0, best.1.sqrt()))
+        let (node, square) = self.neighbours.nearest(x, reach)?;
+        Some((node, square.sqrt()))
     }
 }
 
@@ -242,57 +158,67 @@ impl Tree {
 mod tests {
     use super::*;
 
+    const SEARCHES: [NeighbourSearch; 3] = [
+        NeighbourSearch::ByChart,
+        NeighbourSearch::Linear,
+        NeighbourSearch::KdTree,
+    ];
+
     #[test]
     fn pruning_removes_a_node_and_what_grew_from_it() {
-        let mut tree = Tree::new(&[0.0], 0, &[0.0]);
-        for (x, parent, chart) in [
-            (1.0, 0, 0),
-            (2.0, 1, 1),
-            (3.0, 2, 1),
-            (4.0, 0, 1),
-            (5.0, 4, 2),
-        ] {
-            tree.add(&[x], Some(parent), chart, &[2.0 * chart as f64]);
+        for search in SEARCHES {
+            let mut tree = Tree::new(search, &[0.0], 0);
+            for (x, parent, chart) in [
+                (1.0, 0, 0),
+                (2.0, 1, 1),
+                (3.0, 2, 1),
+                (4.0, 0, 1),
+                (5.0, 4, 2),
+            ] {
+                tree.add(&[x], Some(parent), chart, &[2.0 * chart as f64]);
+            }
+            tree.set_chart(1, 2);
+            tree.prune(2);
+            let left: Vec<f64> = (0..tree.len()).map(|i| tree.point(i)[0]).collect();
+            assert_eq!(left, [0.0, 1.0, 4.0, 5.0]);
+            assert_eq!([tree.parent(2), tree.parent(3)], [Some(0), Some(2)]);
+            assert_eq!([tree.chart(1), tree.chart(2), tree.chart(3)], [2, 1, 2]);
+            assert_eq!(tree.nearest(&[2.9]), (2, 4.0 - 2.9));
+            tree.prune(0);
+            assert_eq!(tree.len(), 4);
         }
-        tree.set_chart(1, 2);
-        tree.prune(2);
-        let left: Vec<f64> = (0..tree.len()).map(|i| tree.point(i)[0]).collect();
-        assert_eq!(left, [0.0, 1.0, 4.0, 5.0]);
-        assert_eq!([tree.parent(2), tree.parent(3)], [Some(0), Some(2)]);
-        assert_eq!([tree.chart(1), tree.chart(2), tree.chart(3)], [2, 1, 2]);
-        assert_eq!(tree.nearest(&[2.9]), (2, 4.0 - 2.9));
-        tree.prune(0);
-        assert_eq!(tree.len(), 4);
     }
 
     #[test]
     fn the_nearest_node_is_that_of_a_full_scan() {
-        let mut tree = Tree::new(&[0.0; 3], 0, &[0.0; 3]);
-        let mut state = 1_u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
-        };
-        for i in 0..200 {
-            let chart = i % 7;
-            let point = [random(), random(), random()];
-            tree.add(
-                &point,
-                Some(0),
-                chart,
-                &[chart as f64 / 7.0 - 0.5, 0.0, 0.0],
-            );
-        }
-        for _ in 0..100 {
-            let x = [random(), random(), random()];
-            let (node, distance) = tree.nearest(&x);
-            let full = (0..tree.len())
-                .map(|i| squared_distance(&x, tree.point(i)).sqrt())
-                .fold(f64::INFINITY, f64::min);
-            assert_eq!(distance, full);
-            assert_eq!(squared_distance(&x, tree.point(node)).sqrt(), full);
+        for search in SEARCHES {
+            let mut tree = Tree::new(search, &[0.0; 3], 0);
+            let mut state = 1_u64;
+            let mut random = || {
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
+                (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+            };
+            for i in 0..200 {
+                let chart = i % 7;
+                let point = [random(), random(), random()];
+                tree.add(
+                    &point,
+                    Some(0),
+                    chart,
+                    &[chart as f64 / 7.0 - 0.5, 0.0, 0.0],
+                );
+            }
+            for _ in 0..100 {
+                let x = [random(), random(), random()];
+                let (node, distance) = tree.nearest(&x);
+                let full = (0..tree.len())
+                    .map(|i| squared_distance(&x, tree.point(i)).sqrt())
+                    .fold(f64::INFINITY, f64::min);
+                assert_eq!(distance, full);
+                assert_eq!(squared_distance(&x, tree.point(node)).sqrt(), full);
+            }
         }
     }
 }

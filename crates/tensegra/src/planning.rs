@@ -8,7 +8,9 @@ use tensegra_model::{
     Formulation, FreeSpace, NodesManifold, Path, PlannerKind, Problem, SamplingRadius, Stability,
     Stable, Structure, control_effort, path_length,
 };
-use tensegra_sampling::{AtlasRrt, Observer, PlanError, PlannerOptions, SampleRadius, Statistics};
+use tensegra_sampling::{
+    AtlasRrt, NeighbourSearch, Observer, PlanError, PlannerOptions, SampleRadius, Statistics,
+};
 
 use crate::{
     endpoint::{EndpointError, complete, refine},
@@ -321,6 +323,11 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
         SamplingRadius::Automatic => options.sample_radius,
         SamplingRadius::Fixed(radius) => SampleRadius::Fixed(radius),
         SamplingRadius::Adaptive => SampleRadius::Adaptive { largest: 6.0 },
+    };
+    options.neighbours = match settings.neighbours {
+        tensegra_model::NeighbourSearch::ByChart => NeighbourSearch::ByChart,
+        tensegra_model::NeighbourSearch::Linear => NeighbourSearch::Linear,
+        tensegra_model::NeighbourSearch::KdTree => NeighbourSearch::KdTree,
     };
     options.slide = settings.slide;
     options.path_step = PATH_STEP * settings.step;

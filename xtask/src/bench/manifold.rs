@@ -4,7 +4,7 @@
 use tensegra::{
     check::{Check, CheckOptions, check_path},
     io::{Axis, BenchRow, Chart, Picture, ReferenceValue, Series, quantile},
-    model::{Formulation, PlannerKind, PlannerSettings, Problem, SamplingRadius},
+    model::{Formulation, NeighbourSearch, PlannerKind, PlannerSettings, Problem, SamplingRadius},
 };
 
 use super::{BenchArguments, Results, RunFailure, scaling};
@@ -106,13 +106,14 @@ struct Variant {
 /// CPU seconds after which variants are given up.
 const PATIENCE: f64 = 5.0;
 
-const VARIANTS: [Variant; 5] = [
+const VARIANTS: [Variant; 7] = [
     Variant {
         name: "",
         apply: |settings| {
             settings.formulation = Formulation::Nodes;
             settings.planner = PlannerKind::TwoTrees;
             settings.sampling_radius = SamplingRadius::Automatic;
+            settings.neighbours = NeighbourSearch::ByChart;
             settings.slide = true;
         },
         cases: &[],
@@ -131,6 +132,16 @@ const VARIANTS: [Variant; 5] = [
     Variant {
         name: "adaptive radius",
         apply: |settings| settings.sampling_radius = SamplingRadius::Adaptive,
+        cases: &[],
+    },
+    Variant {
+        name: "linear search",
+        apply: |settings| settings.neighbours = NeighbourSearch::Linear,
+        cases: &[],
+    },
+    Variant {
+        name: "k-d tree",
+        apply: |settings| settings.neighbours = NeighbourSearch::KdTree,
         cases: &[],
     },
     Variant {

@@ -12,7 +12,7 @@ use tensegra::{
         LogOptions, PathFile, Picture, Quantity, Units, draw_configuration, draw_forces,
         draw_paths, draw_snapshots, write_log, write_path_file,
     },
-    model::{self, PlannerKind, Problem, SamplingRadius},
+    model::{self, NeighbourSearch, PlannerKind, Problem, SamplingRadius},
     sampling::{Statistics, StopCounts},
 };
 
@@ -62,6 +62,10 @@ pub struct Arguments {
     /// `adaptive` (a radius for each chart), or `automatic` [default: the problem's].
     #[arg(long, value_name = "R", value_parser = parse_radius)]
     sampling_radius: Option<SamplingRadius>,
+    /// How the node nearest to a sample is found: all ways find the same one
+    /// [default: the problem's].
+    #[arg(long, value_enum)]
+    neighbours: Option<Neighbours>,
     /// Stop branches at limits and contacts instead of sliding along them.
     #[arg(long)]
     no_slide: bool,
@@ -96,6 +100,16 @@ enum Planner {
     TwoTrees,
     /// AtlasRRT with a tree from the start.
     OneTree,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Neighbours {
+    /// Nodes grouped by chart.
+    Chart,
+    /// All nodes, one after the other.
+    Linear,
+    /// A k-d tree.
+    KdTree,
 }
 
 fn parse_radius(text: &str) -> Result<SamplingRadius, String> {
@@ -162,6 +176,13 @@ fn plan_all(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     }
     if let Some(radius) = arguments.sampling_radius {
         problem.settings.sampling_radius = radius;
+    }
+    if let Some(neighbours) = arguments.neighbours {
+        problem.settings.neighbours = match neighbours {
+            Neighbours::Chart => NeighbourSearch::ByChart,
+            Neighbours::Linear => NeighbourSearch::Linear,
+            Neighbours::KdTree => NeighbourSearch::KdTree,
+        };
     }
     if arguments.no_slide {
         problem.settings.slide = false;

@@ -4,7 +4,7 @@ use toml::de::DeValue;
 
 use super::decode::{Decoder, Value};
 use crate::{
-    problem::{Formulation, PlannerKind, PlannerSettings, SamplingRadius},
+    problem::{Formulation, NeighbourSearch, PlannerKind, PlannerSettings, SamplingRadius},
     statics::Actuation,
 };
 
@@ -44,6 +44,11 @@ pub(crate) fn decode(decoder: &mut Decoder<'_>, value: Value<'_>, settings: &mut
         if let Some(radius) = radius {
             settings.sampling_radius = radius;
         }
+    }
+    if let Some(value) = table.take("neighbours")
+        && let Some(neighbours) = decoder.choice(value, &NeighbourSearch::NAMED)
+    {
+        settings.neighbours = neighbours;
     }
     if let Some(value) = table.take("slide")
         && let Some(slide) = decoder.flag(value)

@@ -97,9 +97,10 @@ fn begin<M: ImplicitManifold + ?Sized, V: Validity>(
     } else {
         add("goal", goal)?
     };
-    let mut trees = vec![Tree::new(start, start_chart, start)];
+    let search = planner.options.neighbours;
+    let mut trees = vec![Tree::new(search, start, start_chart)];
     if planner.options.two_trees {
-        trees.push(Tree::new(goal, goal_chart, goal));
+        trees.push(Tree::new(search, goal, goal_chart));
     }
     Ok((atlas, trees, goal_chart))
 }
