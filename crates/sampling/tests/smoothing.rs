@@ -189,6 +189,15 @@ fn what_cannot_be_smoothed_is_refused() {
         matches!(blocked, SmoothError::Blocked { .. }),
         "{blocked:?}"
     );
+    let mut options = SmootherOptions::default();
+    options.longest = 0.9;
+    let long = Smoother::new(&sphere, &Everywhere, options)
+        .smooth(&around, &mut ())
+        .unwrap_err();
+    assert!(
+        matches!(long, SmoothError::Long { length } if length > 0.9 && length < 1.1),
+        "{long:?}"
+    );
     let cancelled = smoother.smooth(&around, &mut Cancel).unwrap_err();
     assert_eq!(cancelled, SmoothError::Cancelled);
 }

@@ -27,6 +27,9 @@ const RETRY_STRIDE: u64 = 0xD1B5_4A32_D192_ED03;
 const RETRIES: usize = 8;
 /// Sums of turns that differ by less are the same, rad.
 const SAME_TURN: f64 = 1e-3;
+/// Of several plans, one that is longer than the best by this factor once it is smooth
+/// on a coarse mesh is given up.
+const HOPELESS: f64 = 1.2;
 /// Attempts to smooth with ever wider margins.
 const ATTEMPTS: usize = 4;
 /// Factor from one attempt's margins to the next one's.
@@ -210,7 +213,9 @@ pub fn smooth(
                 setback = report.failures.first().map(|f| f.message.clone());
                 from = found.points;
             }
-            Err(SmoothError::Cancelled) => return Err(SmoothError::Cancelled.into()),
+            Err(error @ (SmoothError::Cancelled | SmoothError::Long { .. })) => {
+                return Err(error.into());
+            }
             Err(error) => {
                 setback = Some(error.to_string());
                 from.clone_from(&shortened.points);
@@ -266,6 +271,8 @@ pub struct SmoothedPlan {
     /// Control effort of every smoothed plan, in the order of planning; `None`
     /// where there is none.
     pub efforts: Vec<Option<f64>>,
+    /// Plans that were given up because they were much longer than the best before.
+    pub given_up: usize,
     /// CPU seconds of planning, all plans together.
     pub planning_seconds: f64,
     /// CPU seconds of shortcuts and smoothing, all plans together.
@@ -343,7 +350,9 @@ fn net_turns(structure: &Structure, path: &Path) -> NetTurns {
 /// while an element of the path turns the long way round, and goes on with the path
 /// whose elements turn least. Paths of different classes, which cannot be
 /// deformed into each other without touching anything, have efforts that differ
-/// much: one plan alone may be of a poor class.
+/// much: one plan alone may be of a poor class. A plan that is much longer than the
+/// best one before, once it is smooth on a coarse mesh, is given up, and another one
+/// takes its place, at most as often as there are plans.
 ///
 /// The first seed is the problem's.
 ///
@@ -359,15 +368,28 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
     let mut first_error = None;
     let mut efforts = Vec::new();
     let (mut planning_seconds, mut smoothing_seconds) = (0.0, 0.0);
-    for index in 0..plans.max(1) as u64 {
+    let plans = plans.max(1);
+    let mut given_up = 0;
+    for index in 0..2 * plans as u64 {
+        if efforts.len() == plans {
+            break;
+        }
         let mut seeded = problem.clone();
         seeded.seed = problem.seed.wrapping_add(index.wrapping_mul(SEED_STRIDE));
         let mut options = options.clone();
         options.shortcut.seed = seeded.seed;
+        if let Some(best) = best.as_ref().filter(|best| best.smoothing.report.ok) {
+            options.smoother.longest = HOPELESS * best.smoothing.path_length;
+        }
         let outcome = plan_unwound(&seeded, observer).and_then(|(mut plan, seconds)| {
             planning_seconds += seconds;
-            let smoothing = smooth(&seeded, &plan.path, &options, observer)?;
-            smoothing_seconds += smoothing.seconds;
+            let clock = ThreadTime::now();
+            let smoothing = smooth(&seeded, &plan.path, &options, observer);
+            smoothing_seconds += match &smoothing {
+                Ok(smoothing) => smoothing.seconds,
+                Err(_) => clock.elapsed().as_secs_f64(),
+            };
+            let smoothing = smoothing?;
             plan.least_stiffness = smoothing.least_stiffness;
             Ok((plan, smoothing))
         });
@@ -386,10 +408,16 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
                         plan,
                         smoothing,
                         efforts: Vec::new(),
+                        given_up: 0,
                         planning_seconds: 0.0,
                         smoothing_seconds: 0.0,
                     });
                 }
+            }
+            Err(PlanningError::Smoothing(SmoothingError::Smoother(SmoothError::Long {
+                ..
+            }))) => {
+                given_up += 1;
             }
             Err(error) => {
                 efforts.push(None);
@@ -404,6 +432,7 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
     match (best, first_error) {
         (Some(best), _) => Ok(SmoothedPlan {
             efforts,
+            given_up,
             planning_seconds,
             smoothing_seconds,
             ..best

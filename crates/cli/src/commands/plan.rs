@@ -145,6 +145,8 @@ struct Smoothed {
     smoothing: Smoothing,
     /// Efforts of all plans.
     efforts: Vec<Option<f64>>,
+    /// Plans that were given up.
+    given_up: usize,
     planning_seconds: f64,
     smoothing_seconds: f64,
 }
@@ -245,6 +247,7 @@ fn find(problem: &Problem, request: &Request) -> Result<(Plan, Option<Smoothed>)
         mut plan,
         smoothing,
         efforts,
+        given_up,
         planning_seconds,
         smoothing_seconds,
         ..
@@ -256,6 +259,7 @@ fn find(problem: &Problem, request: &Request) -> Result<(Plan, Option<Smoothed>)
         before,
         smoothing,
         efforts,
+        given_up,
         planning_seconds,
         smoothing_seconds,
     };
@@ -424,6 +428,7 @@ fn as_json(outcome: &Outcome) -> Value {
                 add_json(&mut value, &smoothed.smoothing);
                 value["plans"] = json!(smoothed.efforts.len());
                 value["control_effort_of_plans"] = json!(smoothed.efforts);
+                value["plans_given_up"] = json!(smoothed.given_up);
                 value["planning_seconds"] = json!(smoothed.planning_seconds);
                 value["smoothing_seconds"] = json!(smoothed.smoothing_seconds);
             }
@@ -512,8 +517,9 @@ fn print_smoothed(smoothed: &Smoothed) {
             .map(|effort| effort.map_or_else(|| "-".to_owned(), |c| format!("{c:.3}")))
             .collect();
         println!(
-            "best of plans      {}; {:.4} s of planning, {:.3} s of smoothing",
+            "best of plans      {}; {} more given up; {:.4} s of planning, {:.3} s of smoothing",
             efforts.join(", "),
+            smoothed.given_up,
             smoothed.planning_seconds,
             smoothed.smoothing_seconds
         );

@@ -75,6 +75,8 @@ pub struct SmootherOptions {
     pub fine_iterations: usize,
     /// Refinements of the mesh or of the constraints between points, at most.
     pub max_rounds: usize,
+    /// Length above which a path is given up once it is smooth on the coarse mesh.
+    pub longest: f64,
 }
 
 impl Default for SmootherOptions {
@@ -90,6 +92,7 @@ impl Default for SmootherOptions {
             coarse_iterations: 60,
             fine_iterations: 60,
             max_rounds: 10,
+            longest: f64::INFINITY,
         }
     }
 }
@@ -153,6 +156,12 @@ pub enum SmoothError {
         segments: usize,
         /// Iterations made.
         iterations: usize,
+    },
+    /// The path is longer than wanted.
+    #[error("the path is still {length:.3} long on the coarse mesh")]
+    Long {
+        /// Length on the coarse mesh.
+        length: f64,
     },
     /// The observer asked to stop.
     #[error("smoothing was cancelled")]
@@ -286,6 +295,10 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
                 &mut report,
             )
             .ok_or(SmoothError::Cancelled)?;
+        if relaxed.length > options.longest {
+            let length = relaxed.length;
+            return Err(SmoothError::Long { length });
+        }
         let (step, displacement) = (options.step, self.max_displacement);
         let torn = |segment, chain: &Chain| SmoothError::Torn {
             segment,
