@@ -19,7 +19,7 @@ use crate::failure::Failure;
 ///
 /// Of a path: equilibrium, ranges, start and goal (or the conditions that describe
 /// them), and clearance at and between the configurations. Of a form: equilibrium,
-/// ranges, and what the problem's table [formfind] asks for. Of a walk: every constraint at the
+/// ranges, and what the problem's table `[formfind]` asks for. Of a walk: every constraint at the
 /// configurations and between them, the rule of rolling, standing nodes that do
 /// not slide, waypoints and obstacles. Prints each worst figure.
 #[derive(clap::Args)]

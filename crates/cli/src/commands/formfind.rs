@@ -23,7 +23,7 @@ const LISTED: usize = 10;
 /// Find stable, collision-free shapes of a structure from its topology, ranges,
 /// loads, obstacles and conditions alone.
 ///
-/// The table [formfind] of the problem states what is asked of the shape: nodes
+/// The table `[formfind]` of the problem states what is asked of the shape: nodes
 /// or centroids at given places, lengths, forces, distances, symmetry, poses,
 /// clearances. Many random starts are solved in parallel; each shape found is
 /// judged independently. Writes into the output folder: best.json (a path file
