@@ -275,7 +275,7 @@ impl Primitive {
     }
 }
 
-fn actuation_cost(symmetric: &SymmetricRobot, configurations: &[Vec<f64>]) -> f64 {
+pub(crate) fn actuation_cost(symmetric: &SymmetricRobot, configurations: &[Vec<f64>]) -> f64 {
     let lengths: Vec<Vec<f64>> = configurations
         .iter()
         .map(|x| symmetric.robot().lengths(x))

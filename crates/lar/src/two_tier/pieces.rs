@@ -10,6 +10,7 @@
 //! placing of a piece, a few times.
 
 use super::PrimitiveLibrary;
+use crate::primitive::actuation_cost;
 use crate::{Primitive, SequenceRoll, Stance, SupportedMotion, Turn, TurningGait};
 
 /// A part of a two-tier walk.
@@ -113,9 +114,10 @@ impl<'a> RollPath<'a> {
         self.library.get(&turns.collect::<Option<Vec<Turn>>>()?)
     }
 
-    /// The motion of a piece before roll `first`.
-    fn placed(&self, piece: Piece, first: usize) -> Option<SupportedMotion> {
-        let (motion, mirrored) = match piece {
+    /// The motion of a piece before roll `first` as the library has it, and whether it has to be
+    /// mirrored.
+    fn source(&self, piece: Piece, first: usize) -> Option<(&'a SupportedMotion, bool)> {
+        Some(match piece {
             Piece::Primitive { rolls } => {
                 let (primitive, mirrored) = self.primitive(first, rolls)?;
                 (primitive.motion(), mirrored)
@@ -127,7 +129,12 @@ impl<'a> RollPath<'a> {
             }
             Piece::Back => (self.library.gait()?.back()?, false),
             Piece::Exit => (self.library.gait()?.exit(), false),
-        };
+        })
+    }
+
+    /// The motion of a piece before roll `first`, where it is walked.
+    fn placed(&self, piece: Piece, first: usize) -> Option<SupportedMotion> {
+        let (motion, mirrored) = self.source(piece, first)?;
         let symmetric = self.library.one_roll().symmetric_robot();
         symmetric.place(
             motion,
@@ -181,30 +188,15 @@ impl<'a> RollPath<'a> {
 
     /// Σ‖ΔL‖² and the number of steps of pieces in order.
     fn totals(&self, pieces: &[Piece]) -> Option<(f64, f64)> {
+        let symmetric = self.library.one_roll().symmetric_robot();
         let (mut actuation, mut steps, mut first) = (0.0, 0.0, 0);
         for &piece in pieces {
-            let (motion, cost) = self.source(piece, first)?;
-            actuation += cost;
+            let (motion, _) = self.source(piece, first)?;
+            actuation += actuation_cost(symmetric, &motion.configurations);
             steps += (motion.configurations.len() - 1) as f64;
             first += piece.rolls();
         }
         Some((actuation, steps))
-    }
-
-    /// The motion of a piece before roll `first` as the library has it, and its Σ‖ΔL‖².
-    fn source(&self, piece: Piece, first: usize) -> Option<(&'a SupportedMotion, f64)> {
-        if let Piece::Primitive { rolls } = piece {
-            let (primitive, _) = self.primitive(first, rolls)?;
-            return Some((primitive.motion(), primitive.cost()));
-        }
-        let gait = self.library.gait()?;
-        let motion = match piece {
-            Piece::Primitive { .. } | Piece::Entry => gait.entry(),
-            Piece::Turn => gait.turn(),
-            Piece::Back => gait.back()?,
-            Piece::Exit => gait.exit(),
-        };
-        Some((motion, gait.cost(motion)))
     }
 
     /// The pieces of the least Σ‖ΔL‖² + `price` × steps.
