@@ -16,6 +16,7 @@ pub(crate) fn largest(a: &[f64]) -> f64 {
 }
 
 /// `to` += `factor` · `from`.
+#[inline(always)]
 pub(crate) fn axpy(factor: f64, from: &[f64], to: &mut [f64]) {
     for (t, f) in to.iter_mut().zip(from) {
         *t += factor * f;

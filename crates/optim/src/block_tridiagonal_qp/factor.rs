@@ -4,7 +4,8 @@
 //! row: most of the time would else go into loops of a few rounds. Blocks of more than eight rows
 //! are padded with those of the identity to a multiple of four.
 
-use super::{axpy, dot};
+use super::dot;
+use crate::vector::axpy;
 
 /// What is left of a diagonal entry is rounding below this fraction: rows that are nearly active
 /// have weights many orders of magnitude above all else.

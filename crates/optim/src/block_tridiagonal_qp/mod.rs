@@ -26,7 +26,7 @@ mod factor;
 use thiserror::Error;
 
 use self::factor::BlockCholesky;
-use crate::vector::{largest, refill};
+use crate::vector::{axpy, largest, refill};
 
 /// Steps end this fraction of the way to the nearest bound.
 const TO_THE_BOUND: f64 = 0.995;
@@ -51,14 +51,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
         }
     }
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
-}
-
-/// `to` += `factor` · `from`.
-#[inline(always)]
-fn axpy(factor: f64, from: &[f64], to: &mut [f64]) {
-    for (t, f) in to.iter_mut().zip(from) {
-        *t += factor * f;
-    }
 }
 
 /// A row that touches one block, or one and the next.
