@@ -29,10 +29,7 @@ impl Neighbours {
         match self {
             Self::ByChart(groups) => groups.add(node, point, chart, center),
             Self::Linear(list) => list.points.push(point),
-            Self::KdTree(tree) => {
-                let added = tree.add(point.to_vec(), node);
-                debug_assert!(added.is_ok(), "points are finite and of one dimension");
-            }
+            Self::KdTree(tree) => add_to_tree(tree, point, node),
         }
     }
 
@@ -51,28 +48,32 @@ impl Neighbours {
         found.filter(|(_, distance)| *distance < reach * reach)
     }
 
-    /// Keeps the nodes with a new number and gives them that; `point` tells the
-    /// point of each by its new number, of which there are `count`.
+    /// Keeps the nodes with a new number, in ascending order, and gives them that;
+    /// `point` tells the point of each by its new number.
     pub(crate) fn renumber<'p>(
         &mut self,
         numbers: &[Option<usize>],
-        count: usize,
         point: impl Fn(usize) -> &'p [f64],
     ) {
+        let kept = numbers.iter().copied().flatten();
         match self {
             Self::ByChart(groups) => groups.renumber(numbers, point),
             Self::Linear(list) => {
                 *list = Linear::new(list.points.dimension());
-                (0..count).for_each(|node| list.points.push(point(node)));
+                kept.for_each(|node| list.points.push(point(node)));
             }
             Self::KdTree(tree) => {
-                *tree = KdTree::new(if count > 0 { point(0).len() } else { 0 });
-                for node in 0..count {
-                    let _ = tree.add(point(node).to_vec(), node);
-                }
+                let mut kept = kept.peekable();
+                *tree = KdTree::new(kept.peek().map_or(0, |&node| point(node).len()));
+                kept.for_each(|node| add_to_tree(tree, point(node), node));
             }
         }
     }
+}
+
+fn add_to_tree(tree: &mut KdTree<f64, usize, Vec<f64>>, point: &[f64], node: usize) {
+    let added = tree.add(point.to_vec(), node);
+    debug_assert!(added.is_ok(), "points are finite and of one dimension");
 }
 
 /// A list of all points.

@@ -137,7 +137,7 @@ impl Tree {
         self.points.truncate(kept * self.dimension);
         let (points, dimension) = (&self.points, self.dimension);
         let point = |node: usize| &points[node * dimension..(node + 1) * dimension];
-        self.neighbours.renumber(&numbers, kept, point);
+        self.neighbours.renumber(&numbers, point);
     }
 
     /// The node nearest to x, and its distance.
