@@ -24,6 +24,6 @@ pub use options::{NeighbourSearch, PlannerOptions, SampleRadius};
 pub use plan::{Failure, Observer, Plan, PlanError, Progress, Statistics, StopCounts};
 pub use shortcut::{ShortcutOptions, Shortcutter, Shortened};
 pub use smooth::{
-    SmoothError, SmoothObserver, SmoothProgress, Smoothed, Smoother, SmootherOptions,
+    Draft, SmoothError, SmoothObserver, SmoothProgress, Smoothed, Smoother, SmootherOptions,
 };
 pub use trace::{Advance, Limit, Quantities, Stop, TraceOptions, Tracer};

@@ -189,17 +189,26 @@ fn what_cannot_be_smoothed_is_refused() {
         matches!(blocked, SmoothError::Blocked { .. }),
         "{blocked:?}"
     );
-    let mut options = SmootherOptions::default();
-    options.longest = 0.9;
-    let long = Smoother::new(&sphere, &Everywhere, options)
-        .smooth(&around, &mut ())
-        .unwrap_err();
-    assert!(
-        matches!(long, SmoothError::Long { length } if length > 0.9 && length < 1.1),
-        "{long:?}"
-    );
     let cancelled = smoother.smooth(&around, &mut Cancel).unwrap_err();
     assert_eq!(cancelled, SmoothError::Cancelled);
+}
+
+#[test]
+fn a_draft_tells_the_length_and_is_refined_like_the_path() {
+    let ball = Ball {
+        center: at(0.0, 0.0),
+        radius: 0.4,
+    };
+    let sphere = Sphere::new();
+    let path = planned(&ball, 2);
+    let smoother = Smoother::new(&sphere, &ball, SmootherOptions::default());
+    let draft = smoother.draft(&path, &mut ()).unwrap();
+    let (length, iterations) = (draft.length(), draft.iterations());
+    let refined = smoother.refine(draft, &mut ()).unwrap();
+    assert!(iterations > 0 && iterations < refined.iterations);
+    assert!((length - refined.length).abs() < 0.02 * refined.length);
+    let at_once = smoother.smooth(&path, &mut ()).unwrap();
+    assert_eq!(at_once.points, refined.points);
 }
 
 struct Cancel;

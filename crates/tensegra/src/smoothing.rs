@@ -10,7 +10,8 @@ use tensegra_model::{
     NodesManifold, Path, Problem, Stability, Stable, Structure, control_effort, path_length,
 };
 use tensegra_sampling::{
-    Observer, ShortcutOptions, Shortcutter, SmoothError, SmoothObserver, Smoother, SmootherOptions,
+    Draft, Observer, ShortcutOptions, Shortcutter, Shortened, SmoothError, SmoothObserver,
+    Smoother, SmootherOptions,
 };
 
 use crate::planning::{Plan, PlanningError, plan};
@@ -27,9 +28,16 @@ const RETRY_STRIDE: u64 = 0xD1B5_4A32_D192_ED03;
 const RETRIES: usize = 8;
 /// Sums of turns that differ by less are the same, rad.
 const SAME_TURN: f64 = 1e-3;
-/// Of several plans, one that is longer than the best by this factor once it is smooth
-/// on a coarse mesh is given up.
+/// Of several plans, one that is longer than the shortest by this factor once it is smooth
+/// on a coarse mesh is of another class.
 const HOPELESS: f64 = 1.2;
+/// A single plan that is then longer than this multiple of the straight line from start to
+/// goal may be of a poor class.
+const DETOUR: f64 = 1.9;
+/// Plans that such a one is compared with, at most.
+const SECOND_LOOKS: usize = 2;
+/// A path is about as long as on the coarse mesh, up to this factor.
+const DRAFT_ERROR: f64 = 1.03;
 /// Attempts to smooth with ever wider margins.
 const ATTEMPTS: usize = 4;
 /// Factor from one attempt's margins to the next one's.
@@ -128,6 +136,202 @@ pub enum SmoothingError {
     Smoother(#[from] SmoothError),
 }
 
+/// A path after the shortcuts, smooth on a coarse mesh.
+struct Drafted {
+    shortened: Shortened,
+    draft: Result<Draft, SmoothError>,
+    /// Length of the draft, or after the shortcuts where there is none.
+    length: f64,
+    /// Distance between start and goal.
+    straight: f64,
+    seconds: f64,
+}
+
+/// Where the paths of a problem are smoothed.
+struct Ground<'m> {
+    manifold: &'m DirectionsManifold,
+    free: Stable<'m, DirectionsManifold, FreeSpace<'m, DirectionsManifold>>,
+    max_displacement: f64,
+    /// The given path.
+    points: Vec<Vec<f64>>,
+}
+
+impl<'m> Ground<'m> {
+    fn new(
+        problem: &Problem,
+        manifold: &'m DirectionsManifold,
+        path: &Path,
+    ) -> Result<Self, SmoothingError> {
+        let structure = &problem.structure;
+        let first = path.configurations.first().ok_or(SmoothingError::Empty)?;
+        for (index, configuration) in path.configurations.iter().enumerate() {
+            let elements = structure.elements.len();
+            if configuration.positions.len() != structure.nodes.len()
+                || configuration.lengths.len() != elements
+                || configuration.rest_lengths.len() != elements
+                || configuration.forces.len() != elements
+            {
+                return Err(SmoothingError::Unfit { index });
+            }
+        }
+        let size = NodesManifold::new(structure, &first.positions)?.size();
+        let points = path
+            .configurations
+            .iter()
+            .enumerate()
+            .map(|(index, configuration)| {
+                let mut x = manifold.coordinates(configuration);
+                project(manifold, &mut x, TOLERANCE, MAX_ITERATIONS)
+                    .map(|()| x)
+                    .map_err(|error| SmoothingError::NoEquilibrium { index, error })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut free = FreeSpace::new(manifold, &problem.environment, size)?;
+        for end in [points.first(), points.last()].into_iter().flatten() {
+            free.admit(end);
+        }
+        let settings = &problem.settings;
+        let free = Stable::new(manifold, settings.actuation, settings.least_stiffness, free)
+            .scaled_at(&points[0]);
+        Ok(Self {
+            manifold,
+            free,
+            max_displacement: settings.step * size,
+            points,
+        })
+    }
+
+    fn smoother(
+        &self,
+        options: SmootherOptions,
+    ) -> Smoother<
+        '_,
+        DirectionsManifold,
+        Stable<'m, DirectionsManifold, FreeSpace<'m, DirectionsManifold>>,
+    > {
+        Smoother::new(self.manifold, &self.free, options).max_displacement(self.max_displacement)
+    }
+
+    /// Shortcuts, then smoothing on a coarse mesh.
+    fn draft(
+        &self,
+        options: &SmoothingOptions,
+        observer: &mut dyn SmoothObserver,
+    ) -> Result<Drafted, SmoothingError> {
+        let clock = ThreadTime::now();
+        let shortened = Shortcutter::new(self.manifold, &self.free, options.shortcut.clone())
+            .max_displacement(self.max_displacement)
+            .shorten(&self.points)
+            .map_err(|error| SmoothError::Manifold { index: 0, error })?;
+        let draft = self
+            .smoother(options.smoother.clone())
+            .draft(&shortened.points, observer);
+        if let Err(SmoothError::Cancelled) = draft {
+            return Err(SmoothError::Cancelled.into());
+        }
+        let ends = [&self.points[0], &self.points[self.points.len() - 1]];
+        Ok(Drafted {
+            length: draft.as_ref().map_or(shortened.length, Draft::length),
+            straight: self.manifold.path_length(&ends),
+            shortened,
+            draft,
+            seconds: clock.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Smooths a draft of the path on fine meshes, and the path from the beginning with
+    /// ever wider margins where that does not end well.
+    fn refine(
+        &self,
+        problem: &Problem,
+        path: &Path,
+        drafted: Drafted,
+        options: &SmoothingOptions,
+        observer: &mut dyn SmoothObserver,
+    ) -> Result<Smoothing, SmoothingError> {
+        let clock = ThreadTime::now();
+        let (structure, manifold) = (&problem.structure, self.manifold);
+        let as_path = |points: &[Vec<f64>]| Path {
+            configurations: points.iter().map(|x| manifold.configuration(x)).collect(),
+        };
+        let judge = |path: &Path| check_path(problem, path, &CheckOptions::default());
+        let Drafted {
+            shortened,
+            draft,
+            seconds: seconds_before,
+            ..
+        } = drafted;
+        let mut draft = Some(draft);
+        let mut margins = options.smoother.clone();
+        let mut iterations = 0;
+        let mut setback = None;
+        let mut smoothed = None;
+        let mut from = shortened.points.clone();
+        for _ in 0..ATTEMPTS {
+            let smoother = self.smoother(margins.clone());
+            let found = match draft.take() {
+                Some(draft) => draft.and_then(|draft| smoother.refine(draft, observer)),
+                None => smoother.smooth(&from, observer),
+            };
+            match found {
+                Ok(found) => {
+                    iterations += found.iterations;
+                    let path = as_path(&found.points);
+                    let report = judge(&path);
+                    if report.ok {
+                        setback = None;
+                        smoothed = Some((path, report, found.optimality, found.converged));
+                        break;
+                    }
+                    setback = report.failures.first().map(|f| f.message.clone());
+                    from = found.points;
+                }
+                Err(SmoothError::Cancelled) => return Err(SmoothError::Cancelled.into()),
+                Err(error) => {
+                    setback = Some(error.to_string());
+                    from.clone_from(&shortened.points);
+                    // Shorter steps neither tear the path nor jump over obstacles.
+                    margins.trust_radius *= SHORTER;
+                }
+            }
+            margins.contact_margin *= WIDER;
+            margins.limit_margin *= WIDER;
+        }
+        let (path_after, report, optimality, converged) = match smoothed {
+            Some((path, report, optimality, converged)) => {
+                (path, report, Some(optimality), converged)
+            }
+            None => {
+                let shortcut = as_path(&shortened.points);
+                let report = judge(&shortcut);
+                if report.ok {
+                    (shortcut, report, None, false)
+                } else {
+                    (path.clone(), judge(path), None, false)
+                }
+            }
+        };
+        let seconds = seconds_before + clock.elapsed().as_secs_f64();
+        let stability = Stability::new(structure, problem.settings.actuation);
+        Ok(Smoothing {
+            path_length: path_length(structure, &path_after)?,
+            control_effort: control_effort(structure, &path_after).ok(),
+            path_length_before: path_length(structure, path)?,
+            control_effort_before: control_effort(structure, path).ok(),
+            least_stiffness: stability.least_along(&path_after),
+            path: path_after,
+            report,
+            shortcut_length: shortened.length,
+            optimality,
+            converged,
+            iterations,
+            shortcut_seconds: shortened.seconds,
+            seconds,
+            setback,
+        })
+    }
+}
+
 /// Shortens and smooths a path of a problem: the path of least control effort
 /// among its neighbours that keep all ranges, touch nothing and stay as stable as the
 /// problem demands, with steps that the independent judge accepts.
@@ -145,121 +349,14 @@ pub fn smooth(
     observer: &mut dyn SmoothObserver,
 ) -> Result<Smoothing, SmoothingError> {
     let clock = ThreadTime::now();
-    let structure = &problem.structure;
-    let first = path.configurations.first().ok_or(SmoothingError::Empty)?;
-    for (index, configuration) in path.configurations.iter().enumerate() {
-        let elements = structure.elements.len();
-        if configuration.positions.len() != structure.nodes.len()
-            || configuration.lengths.len() != elements
-            || configuration.rest_lengths.len() != elements
-            || configuration.forces.len() != elements
-        {
-            return Err(SmoothingError::Unfit { index });
-        }
-    }
-    let manifold = DirectionsManifold::new(structure)?;
-    let size = NodesManifold::new(structure, &first.positions)?.size();
-    let max_displacement = problem.settings.step * size;
-    let points = path
-        .configurations
-        .iter()
-        .enumerate()
-        .map(|(index, configuration)| {
-            let mut x = manifold.coordinates(configuration);
-            project(&manifold, &mut x, TOLERANCE, MAX_ITERATIONS)
-                .map(|()| x)
-                .map_err(|error| SmoothingError::NoEquilibrium { index, error })
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let mut free = FreeSpace::new(&manifold, &problem.environment, size)?;
-    for end in [points.first(), points.last()].into_iter().flatten() {
-        free.admit(end);
-    }
-    let settings = &problem.settings;
-    let free = Stable::new(
-        &manifold,
-        settings.actuation,
-        settings.least_stiffness,
-        free,
-    )
-    .scaled_at(&points[0]);
-    let as_path = |points: &[Vec<f64>]| Path {
-        configurations: points.iter().map(|x| manifold.configuration(x)).collect(),
-    };
-    let judge = |path: &Path| check_path(problem, path, &CheckOptions::default());
-    let shortened = Shortcutter::new(&manifold, &free, options.shortcut.clone())
-        .max_displacement(max_displacement)
-        .shorten(&points)
-        .map_err(|error| SmoothError::Manifold { index: 0, error })?;
-    let mut margins = options.smoother.clone();
-    let mut iterations = 0;
-    let mut setback = None;
-    let mut smoothed = None;
-    let mut from = shortened.points.clone();
-    for _ in 0..ATTEMPTS {
-        let found = Smoother::new(&manifold, &free, margins.clone())
-            .max_displacement(max_displacement)
-            .smooth(&from, observer);
-        match found {
-            Ok(found) => {
-                iterations += found.iterations;
-                let path = as_path(&found.points);
-                let report = judge(&path);
-                if report.ok {
-                    setback = None;
-                    smoothed = Some((path, report, found.optimality, found.converged));
-                    break;
-                }
-                setback = report.failures.first().map(|f| f.message.clone());
-                from = found.points;
-            }
-            Err(error @ (SmoothError::Cancelled | SmoothError::Long { .. })) => {
-                return Err(error.into());
-            }
-            Err(error) => {
-                setback = Some(error.to_string());
-                from.clone_from(&shortened.points);
-                // Shorter steps neither tear the path nor jump over obstacles.
-                margins.trust_radius *= SHORTER;
-            }
-        }
-        margins.contact_margin *= WIDER;
-        margins.limit_margin *= WIDER;
-    }
-    let shortcut_seconds = shortened.seconds;
-    let shortcut_length = shortened.length;
-    let (path_after, report, optimality, converged) = match smoothed {
-        Some((path, report, optimality, converged)) => (path, report, Some(optimality), converged),
-        None => {
-            let shortcut = as_path(&shortened.points);
-            let report = judge(&shortcut);
-            if report.ok {
-                (shortcut, report, None, false)
-            } else {
-                (path.clone(), judge(path), None, false)
-            }
-        }
-    };
-    let seconds = clock.elapsed().as_secs_f64();
-    Ok(Smoothing {
-        path_length: path_length(structure, &path_after)?,
-        control_effort: control_effort(structure, &path_after).ok(),
-        path_length_before: path_length(structure, path)?,
-        control_effort_before: control_effort(structure, path).ok(),
-        least_stiffness: Stability::new(structure, settings.actuation).least_along(&path_after),
-        path: path_after,
-        report,
-        shortcut_length,
-        optimality,
-        converged,
-        iterations,
-        shortcut_seconds,
-        seconds,
-        setback,
-    })
+    let manifold = DirectionsManifold::new(&problem.structure)?;
+    let ground = Ground::new(problem, &manifold, path)?;
+    let mut drafted = ground.draft(options, observer)?;
+    drafted.seconds = clock.elapsed().as_secs_f64();
+    ground.refine(problem, path, drafted, options, observer)
 }
 
-/// The best of several plans, each smoothed.
+/// The best of several plans, smoothed.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct SmoothedPlan {
@@ -268,15 +365,24 @@ pub struct SmoothedPlan {
     pub plan: Plan,
     /// What smoothing made of it.
     pub smoothing: Smoothing,
-    /// Control effort of every smoothed plan, in the order of planning; `None`
-    /// where there is none.
+    /// Length of every plan once it was smooth on a coarse mesh, in the order of planning;
+    /// `None` where there is none.
+    pub draft_lengths: Vec<Option<f64>>,
+    /// Control effort of every plan that was smoothed to the end, in the same order;
+    /// `None` for the others.
     pub efforts: Vec<Option<f64>>,
-    /// Plans that were given up because they were much longer than the best before.
-    pub given_up: usize,
     /// CPU seconds of planning, all plans together.
     pub planning_seconds: f64,
     /// CPU seconds of shortcuts and smoothing, all plans together.
     pub smoothing_seconds: f64,
+}
+
+/// A plan of several.
+struct Candidate {
+    /// Which one it is.
+    index: usize,
+    plan: Plan,
+    drafted: Drafted,
 }
 
 /// Plans, again where elements of the path turn the long way round. Returns the
@@ -345,14 +451,18 @@ fn net_turns(structure: &Structure, path: &Path) -> NetTurns {
     }
 }
 
-/// Plans `plans` times with different seeds, smooths every path, and returns the
-/// one of least control effort. Each time it plans anew, at most eight times,
+/// Plans `plans` times with different seeds, smooths every path on a coarse mesh, which
+/// tells how long it will be, and the shortest to the end; also the next one where that
+/// came out longer than expected. Each time it plans anew, at most eight times,
 /// while an element of the path turns the long way round, and goes on with the path
-/// whose elements turn least. Paths of different classes, which cannot be
-/// deformed into each other without touching anything, have efforts that differ
-/// much: one plan alone may be of a poor class. A plan that is much longer than the
-/// best one before, once it is smooth on a coarse mesh, is given up, and another one
-/// takes its place, at most as often as there are plans.
+/// whose elements turn least.
+///
+/// Paths of different classes, which cannot be deformed into each other without touching
+/// anything, have efforts that differ much: one plan alone may be of a poor class. Another
+/// one is made in place of each plan that is a fifth longer than the shortest on the
+/// coarse mesh, at most as often as there are plans. A single plan is compared with
+/// two others at most while the shortest is nearly twice as long as the straight
+/// line from start to goal.
 ///
 /// The first seed is the problem's.
 ///
@@ -364,80 +474,146 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
     options: &SmoothingOptions,
     observer: &mut O,
 ) -> Result<SmoothedPlan, PlanningError> {
-    let mut best: Option<SmoothedPlan> = None;
-    let mut first_error = None;
-    let mut efforts = Vec::new();
-    let (mut planning_seconds, mut smoothing_seconds) = (0.0, 0.0);
     let plans = plans.max(1);
-    let mut given_up = 0;
-    for index in 0..2 * plans as u64 {
-        if efforts.len() == plans {
+    let most = match plans {
+        1 => 1 + SECOND_LOOKS,
+        _ => 2 * plans,
+    };
+    let mut candidates: Vec<Candidate> = Vec::new();
+    let mut draft_lengths = Vec::new();
+    let mut first_error = None;
+    let (mut planning_seconds, mut smoothing_seconds) = (0.0, 0.0);
+    for index in 0..most {
+        let failures = draft_lengths.len() - candidates.len();
+        if index >= plans && failures + promising(&candidates, plans) >= plans {
             break;
         }
         let mut seeded = problem.clone();
-        seeded.seed = problem.seed.wrapping_add(index.wrapping_mul(SEED_STRIDE));
+        seeded.seed = problem
+            .seed
+            .wrapping_add((index as u64).wrapping_mul(SEED_STRIDE));
         let mut options = options.clone();
         options.shortcut.seed = seeded.seed;
-        if let Some(best) = best.as_ref().filter(|best| best.smoothing.report.ok) {
-            options.smoother.longest = HOPELESS * best.smoothing.path_length;
-        }
-        let outcome = plan_unwound(&seeded, observer).and_then(|(mut plan, seconds)| {
+        let drafted = plan_unwound(&seeded, observer).and_then(|(plan, seconds)| {
             planning_seconds += seconds;
             let clock = ThreadTime::now();
-            let smoothing = smooth(&seeded, &plan.path, &options, observer);
-            smoothing_seconds += match &smoothing {
-                Ok(smoothing) => smoothing.seconds,
-                Err(_) => clock.elapsed().as_secs_f64(),
+            let drafted = draft(&seeded, &plan.path, &options, observer);
+            let seconds = clock.elapsed().as_secs_f64();
+            smoothing_seconds += seconds;
+            let drafted = Drafted {
+                seconds,
+                ..drafted?
             };
-            let smoothing = smoothing?;
-            plan.least_stiffness = smoothing.least_stiffness;
-            Ok((plan, smoothing))
+            Ok(Candidate {
+                index,
+                plan,
+                drafted,
+            })
         });
-        match outcome {
-            Ok((plan, smoothing)) => {
-                let cost = |s: &Smoothing| {
-                    let effort = s.control_effort.unwrap_or(f64::INFINITY);
-                    (!s.report.ok, effort)
-                };
-                efforts.push(smoothing.control_effort);
-                let better = best
-                    .as_ref()
-                    .is_none_or(|best| cost(&smoothing) < cost(&best.smoothing));
-                if better {
-                    best = Some(SmoothedPlan {
-                        plan,
-                        smoothing,
-                        efforts: Vec::new(),
-                        given_up: 0,
-                        planning_seconds: 0.0,
-                        smoothing_seconds: 0.0,
-                    });
-                }
-            }
-            Err(PlanningError::Smoothing(SmoothingError::Smoother(SmoothError::Long {
-                ..
-            }))) => {
-                given_up += 1;
+        match drafted {
+            Ok(candidate) => {
+                draft_lengths.push(Some(candidate.drafted.length));
+                candidates.push(candidate);
             }
             Err(error) => {
-                efforts.push(None);
+                draft_lengths.push(None);
                 // What keeps one plan from being tried keeps all.
-                if error.statistics().is_none() && best.is_none() {
+                if error.statistics().is_none() && candidates.is_empty() {
                     return Err(error);
                 }
                 first_error.get_or_insert(error);
             }
         }
     }
+    candidates.sort_by(|a, b| a.drafted.length.total_cmp(&b.drafted.length));
+    let mut efforts = vec![None; draft_lengths.len()];
+    let mut best: Option<(Plan, Smoothing)> = None;
+    for candidate in candidates {
+        let Candidate {
+            index,
+            mut plan,
+            drafted,
+        } = candidate;
+        let no_better = |(_, found): &(Plan, Smoothing)| {
+            found.report.ok && found.path_length <= DRAFT_ERROR * drafted.length
+        };
+        if best.as_ref().is_some_and(no_better) {
+            break;
+        }
+        let before = drafted.seconds;
+        let clock = ThreadTime::now();
+        let smoothing = refine(problem, &plan.path, drafted, options, observer);
+        smoothing_seconds += match &smoothing {
+            Ok(smoothing) => smoothing.seconds - before,
+            Err(_) => clock.elapsed().as_secs_f64(),
+        };
+        match smoothing {
+            Ok(smoothing) => {
+                efforts[index] = smoothing.control_effort;
+                plan.least_stiffness = smoothing.least_stiffness;
+                let cost = |s: &Smoothing| {
+                    let effort = s.control_effort.unwrap_or(f64::INFINITY);
+                    (!s.report.ok, effort)
+                };
+                let better = best
+                    .as_ref()
+                    .is_none_or(|(_, best)| cost(&smoothing) < cost(best));
+                if better {
+                    best = Some((plan, smoothing));
+                }
+            }
+            Err(error) => {
+                first_error.get_or_insert(error.into());
+            }
+        }
+    }
     match (best, first_error) {
-        (Some(best), _) => Ok(SmoothedPlan {
+        (Some((plan, smoothing)), _) => Ok(SmoothedPlan {
+            plan,
+            smoothing,
+            draft_lengths,
             efforts,
-            given_up,
             planning_seconds,
             smoothing_seconds,
-            ..best
         }),
         (None, Some(error)) => Err(error),
         (None, None) => Err(PlanningError::Smoothing(SmoothingError::Empty)),
     }
+}
+
+/// How many of some plans may be of the best class.
+fn promising(candidates: &[Candidate], plans: usize) -> usize {
+    let drafts = candidates.iter().map(|candidate| &candidate.drafted);
+    let shortest = drafts
+        .clone()
+        .fold(f64::INFINITY, |least, draft| least.min(draft.length));
+    drafts
+        .filter(|draft| {
+            draft.length <= HOPELESS * shortest
+                && (plans > 1 || draft.length <= DETOUR * draft.straight)
+        })
+        .count()
+}
+
+/// [`Ground::draft`] of a path.
+fn draft(
+    problem: &Problem,
+    path: &Path,
+    options: &SmoothingOptions,
+    observer: &mut dyn SmoothObserver,
+) -> Result<Drafted, SmoothingError> {
+    let manifold = DirectionsManifold::new(&problem.structure)?;
+    Ground::new(problem, &manifold, path)?.draft(options, observer)
+}
+
+/// [`Ground::refine`] of a path.
+fn refine(
+    problem: &Problem,
+    path: &Path,
+    drafted: Drafted,
+    options: &SmoothingOptions,
+    observer: &mut dyn SmoothObserver,
+) -> Result<Smoothing, SmoothingError> {
+    let manifold = DirectionsManifold::new(&problem.structure)?;
+    Ground::new(problem, &manifold, path)?.refine(problem, path, drafted, options, observer)
 }

@@ -74,3 +74,20 @@ fn plans_whose_elements_turn_the_long_way_round_are_replaced() {
     let effort = found.smoothing.control_effort.unwrap();
     assert!(effort < 4.2, "{effort}");
 }
+
+#[test]
+fn plans_of_poor_classes_are_compared_with_others() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let mut tower = Problem::read(&folder.join("tower.toml")).unwrap();
+    // The first path of this seed gets caught, with no element turned: it would be nearly
+    // twice as long.
+    tower.seed = 51;
+    let options = SmoothingOptions::of(&tower);
+    let found = tensegra::plan_and_smooth(&tower, 1, &options, &mut ()).unwrap();
+    let lengths: Vec<f64> = found.draft_lengths.iter().copied().flatten().collect();
+    assert!(lengths[0] > 6.0, "{lengths:?}");
+    assert!(found.efforts[0].is_none());
+    assert!(found.smoothing.report.ok && found.smoothing.converged);
+    let effort = found.smoothing.control_effort.unwrap();
+    assert!(effort < 4.2, "{effort}");
+}

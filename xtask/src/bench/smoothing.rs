@@ -19,8 +19,9 @@ between the samples included, and smoothing itself ended with a path. Control ef
 are in the coordinates of the paper, with steps of at most 0.05. Smoothing time is CPU time of \
 shortcuts, smoothing and the judge's verdict in between, of all plans together; `optimality` is \
 the largest entry of the reduced gradient of the path's energy over its length. For `free_flying`, \
-whose paths fall into classes that cannot be deformed into each other, six plans are smoothed and \
-the best is kept. A maximum stands in the column of the median.
+whose paths fall into classes that cannot be deformed into each other, six plans are made, and \
+others in place of those of poor classes; all are smoothed on a coarse mesh, and the best to the \
+end. A maximum stands in the column of the median.
 
 References: `paper`, the effort after optimisation and the time that it took, in the table of \
 Porta and Hernández-Juan (2016); `CuikSuite`, the CuikSuite 3.1 measured by us after shortcuts \

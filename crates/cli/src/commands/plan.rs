@@ -77,8 +77,9 @@ pub struct Arguments {
     /// Smooth the path: shortcuts, then the path of least control effort near it.
     #[arg(long)]
     smooth: bool,
-    /// Plan K times with seeds that follow from the first, smooth every path, and
-    /// keep the one of least control effort.
+    /// Plan K times with seeds that follow from the first, smooth every path on a coarse
+    /// mesh, and the shortest to the end; plans of poor classes are replaced, K times at
+    /// most.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     plans: Option<u32>,
     /// Axes of the picture of the path: three of length:ELEMENT,
@@ -143,10 +144,10 @@ struct Solved {
 struct Smoothed {
     before: model::Path,
     smoothing: Smoothing,
-    /// Efforts of all plans.
+    /// Lengths of all plans on the coarse mesh.
+    draft_lengths: Vec<Option<f64>>,
+    /// Efforts of the plans that were smoothed to the end.
     efforts: Vec<Option<f64>>,
-    /// Plans that were given up.
-    given_up: usize,
     planning_seconds: f64,
     smoothing_seconds: f64,
 }
@@ -246,8 +247,8 @@ fn find(problem: &Problem, request: &Request) -> Result<(Plan, Option<Smoothed>)
     let SmoothedPlan {
         mut plan,
         smoothing,
+        draft_lengths,
         efforts,
-        given_up,
         planning_seconds,
         smoothing_seconds,
         ..
@@ -258,8 +259,8 @@ fn find(problem: &Problem, request: &Request) -> Result<(Plan, Option<Smoothed>)
     let smoothed = Smoothed {
         before,
         smoothing,
+        draft_lengths,
         efforts,
-        given_up,
         planning_seconds,
         smoothing_seconds,
     };
@@ -428,7 +429,7 @@ fn as_json(outcome: &Outcome) -> Value {
                 add_json(&mut value, &smoothed.smoothing);
                 value["plans"] = json!(smoothed.efforts.len());
                 value["control_effort_of_plans"] = json!(smoothed.efforts);
-                value["plans_given_up"] = json!(smoothed.given_up);
+                value["draft_length_of_plans"] = json!(smoothed.draft_lengths);
                 value["planning_seconds"] = json!(smoothed.planning_seconds);
                 value["smoothing_seconds"] = json!(smoothed.smoothing_seconds);
             }
@@ -511,15 +512,16 @@ fn print_solved(seed: u64, solved: &Solved) {
 fn print_smoothed(smoothed: &Smoothed) {
     print(&smoothed.smoothing);
     if smoothed.efforts.len() > 1 {
-        let efforts: Vec<String> = smoothed
-            .efforts
+        let lengths: Vec<String> = smoothed
+            .draft_lengths
             .iter()
-            .map(|effort| effort.map_or_else(|| "-".to_owned(), |c| format!("{c:.3}")))
+            .map(|length| length.map_or_else(|| "-".to_owned(), |l| format!("{l:.3}")))
             .collect();
         println!(
-            "best of plans      {}; {} more given up; {:.4} s of planning, {:.3} s of smoothing",
-            efforts.join(", "),
-            smoothed.given_up,
+            "lengths of plans   {} on a coarse mesh; {} smoothed to the end; {:.4} s of planning, \
+             {:.3} s of smoothing",
+            lengths.join(", "),
+            smoothed.efforts.iter().flatten().count(),
             smoothed.planning_seconds,
             smoothed.smoothing_seconds
         );

@@ -42,6 +42,8 @@ use self::{
     relax::{Relaxation, Relaxed},
 };
 
+/// The optimality asked for on the coarse mesh is so many times looser.
+const COARSE: f64 = 10.0;
 /// Iterations on the first fine mesh, at most.
 const ROUGH_ITERATIONS: usize = 20;
 /// First trust radius on a fine mesh, and after small changes of it, as parts of
@@ -75,8 +77,6 @@ pub struct SmootherOptions {
     pub fine_iterations: usize,
     /// Refinements of the mesh or of the constraints between points, at most.
     pub max_rounds: usize,
-    /// Length above which a path is given up once it is smooth on the coarse mesh.
-    pub longest: f64,
 }
 
 impl Default for SmootherOptions {
@@ -84,7 +84,7 @@ impl Default for SmootherOptions {
         Self {
             step: 0.05,
             coarsening: 4.0,
-            coarse_segments: [24, 60],
+            coarse_segments: [24, 32],
             optimality: 1e-3,
             contact_margin: 1e-4,
             limit_margin: 1e-6,
@@ -92,7 +92,6 @@ impl Default for SmootherOptions {
             coarse_iterations: 60,
             fine_iterations: 60,
             max_rounds: 10,
-            longest: f64::INFINITY,
         }
     }
 }
@@ -113,6 +112,28 @@ pub struct Smoothed {
     pub iterations: usize,
     /// CPU seconds.
     pub seconds: f64,
+}
+
+/// A path that is smooth on a coarse mesh ([`Smoother::draft`]).
+#[derive(Clone, Debug)]
+pub struct Draft {
+    chain: Chain,
+    length: f64,
+    price: f64,
+    iterations: usize,
+    seconds: f64,
+}
+
+impl Draft {
+    /// Length of the polyline through its points; the smoothed path will be about as long.
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Iterations made.
+    pub fn iterations(&self) -> usize {
+        self.iterations
+    }
 }
 
 /// Why a path is not smoothed.
@@ -156,12 +177,6 @@ pub enum SmoothError {
         segments: usize,
         /// Iterations made.
         iterations: usize,
-    },
-    /// The path is longer than wanted.
-    #[error("the path is still {length:.3} long on the coarse mesh")]
-    Long {
-        /// Length on the coarse mesh.
-        length: f64,
     },
     /// The observer asked to stop.
     #[error("smoothing was cancelled")]
@@ -254,6 +269,21 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
         points: &[Vec<f64>],
         observer: &mut dyn SmoothObserver,
     ) -> Result<Smoothed, SmoothError> {
+        let draft = self.draft(points, observer)?;
+        self.refine(draft, observer)
+    }
+
+    /// Smooths the path through `points` on a coarse mesh, which takes a small part of
+    /// the time of all and tells how long the path will be: of several paths the best
+    /// one may go on alone.
+    ///
+    /// # Errors
+    /// [`SmoothError`]: the path passes a singular point.
+    pub fn draft(
+        &self,
+        points: &[Vec<f64>],
+        observer: &mut dyn SmoothObserver,
+    ) -> Result<Draft, SmoothError> {
         let clock = ThreadTime::now();
         let options = &self.options;
         let (Some(start), Some(goal)) = (points.first(), points.last()) else {
@@ -277,28 +307,51 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
         let [fewest, most] = options.coarse_segments;
         let mut chain = Chain::sampled(self.manifold, k, points, coarse, fewest..=most)
             .map_err(|(index, error)| SmoothError::Manifold { index, error })?;
-        let mut relaxation = Relaxation::new(self.manifold, self.validity, options, &chain);
-        let mut report = |relaxed: &Relaxed, iterations: usize| {
-            observer.progress(&SmoothProgress {
-                seconds: clock.elapsed().as_secs_f64(),
-                iterations,
-                length: relaxed.length,
-                optimality: relaxed.optimality,
-            })
-        };
-        let coarse_goal = 10.0 * options.optimality;
-        let mut relaxed = relaxation
+        let mut relaxation = Relaxation::new(self.manifold, self.validity, options, &chain, None);
+        let relaxed = relaxation
             .relax(
                 &mut chain,
-                [coarse_goal, options.trust_radius],
+                [COARSE * options.optimality, options.trust_radius],
                 options.coarse_iterations,
-                &mut report,
+                &mut |relaxed, iterations| {
+                    observer.progress(&relaxed.progress(iterations, clock.elapsed().as_secs_f64()))
+                },
             )
             .ok_or(SmoothError::Cancelled)?;
-        if relaxed.length > options.longest {
-            let length = relaxed.length;
-            return Err(SmoothError::Long { length });
-        }
+        Ok(Draft {
+            chain,
+            length: relaxed.length,
+            price: relaxation.price(),
+            iterations: relaxation.iterations(),
+            seconds: clock.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Smooths a draft on fine meshes.
+    ///
+    /// # Errors
+    /// [`SmoothError`]: the path is torn, or no path that is clear throughout was
+    /// reached.
+    pub fn refine(
+        &self,
+        draft: Draft,
+        observer: &mut dyn SmoothObserver,
+    ) -> Result<Smoothed, SmoothError> {
+        let clock = ThreadTime::now();
+        let options = &self.options;
+        let Draft {
+            mut chain,
+            price,
+            iterations: before,
+            seconds: seconds_before,
+            ..
+        } = draft;
+        let seconds = || seconds_before + clock.elapsed().as_secs_f64();
+        let mut relaxation =
+            Relaxation::new(self.manifold, self.validity, options, &chain, Some(price));
+        let mut report = |relaxed: &Relaxed, iterations: usize| {
+            observer.progress(&relaxed.progress(before + iterations, seconds()))
+        };
         let (step, displacement) = (options.step, self.max_displacement);
         let torn = |segment, chain: &Chain| SmoothError::Torn {
             segment,
@@ -309,6 +362,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
             .map_err(|segment| torn(segment, &chain))?;
         let mut radius = FINE_RADIUS * options.trust_radius;
         let mut blocked = Vec::new();
+        let mut relaxed = Relaxed::default();
         for round in 0..=options.max_rounds {
             // The first fine mesh is rarely the last one.
             let rough = round == 0 && options.max_rounds > 0;
@@ -354,7 +408,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
             return Err(SmoothError::Blocked {
                 blocked: blocked.len(),
                 segments: chain.segments(),
-                iterations: relaxation.iterations(),
+                iterations: before + relaxation.iterations(),
             });
         }
         Ok(Smoothed {
@@ -362,8 +416,8 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
             points: chain.into_points(),
             optimality: relaxed.optimality,
             converged: relaxed.converged,
-            iterations: relaxation.iterations(),
-            seconds: clock.elapsed().as_secs_f64(),
+            iterations: before + relaxation.iterations(),
+            seconds: seconds(),
         })
     }
 }

@@ -5,15 +5,16 @@ use tensegra_atlas::{ImplicitManifold, Validity, Workspace};
 use tensegra_optim::{BlockTridiagonalQp, BlockTridiagonalQpSolver};
 
 use super::{
-    SmootherOptions,
+    SmoothProgress, SmootherOptions,
     chain::{Chain, TOLERANCE},
     curvature::{Curvature, negative_part},
-    rows::{Finder, Rows},
+    rows::{Finder, Rows, long_step},
 };
 use crate::walk::interpolate;
 
-/// Price of violations at the start, over the length of the path.
-const FIRST_PRICE: f64 = 30.0;
+/// Price of violations at the start, over the length of the path: a low one lets steps go
+/// farther along rows that bend.
+const FIRST_PRICE: f64 = 8.0;
 /// Largest price, over the length of the path.
 const LAST_PRICE: f64 = 1e5;
 /// A step is taken when it achieves this fraction of what the model promises.
@@ -22,8 +23,6 @@ const LEAST_GAIN: f64 = 0.05;
 const QP_TOLERANCE: f64 = 1e-6;
 /// Smallest trust radius.
 const SMALLEST_RADIUS: f64 = 1e-6;
-/// Contacts within this multiple of the trust radius are found.
-const REACH: f64 = 2.0;
 /// Shares of the negative curvature that are tried, the largest that leaves the
 /// model convex is taken.
 const NEGATIVE_SHARES: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
@@ -33,6 +32,10 @@ const SOLVES: usize = 3;
 const OVERLOOKED: f64 = 1e-7;
 /// How often a step is tried again with rows found where it ended.
 const CUTTING_ROUNDS: usize = 4;
+/// A step inside the trust region that gains less than the first of these parts of what it
+/// promised, but not less than the second, has gone too far: along it the merit is much like
+/// a parabola, and is evaluated once more at its lowest point.
+const OVERSHOT: [f64; 2] = [0.5, -2.0];
 
 /// Iterations end after so many steps that have lowered the energy by less than this fraction
 /// altogether. On plateaus that lead to lower ground it has been several times as much.
@@ -47,7 +50,7 @@ struct Cut {
 }
 
 /// What iterations on one mesh reached.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Relaxed {
     pub(super) length: f64,
     /// Reduced gradient of the energy over the length.
@@ -58,6 +61,18 @@ pub(super) struct Relaxed {
     pub(super) converged: bool,
 }
 
+impl Relaxed {
+    /// What an observer is told.
+    pub(super) fn progress(&self, iterations: usize, seconds: f64) -> SmoothProgress {
+        SmoothProgress {
+            seconds,
+            iterations,
+            length: self.length,
+            optimality: self.optimality,
+        }
+    }
+}
+
 /// The iterations, with their memory.
 pub(super) struct Relaxation<'a, M: ?Sized, V: Validity> {
     manifold: &'a M,
@@ -66,6 +81,8 @@ pub(super) struct Relaxation<'a, M: ?Sized, V: Validity> {
     largest_radius: f64,
     price: f64,
     iterations: usize,
+    /// What part of the programme's solution the last step tried was.
+    scale: f64,
     qp: BlockTridiagonalQp,
     solver: BlockTridiagonalQpSolver,
     rows: Rows,
@@ -87,6 +104,8 @@ pub(super) struct Relaxation<'a, M: ?Sized, V: Validity> {
     curvatures: Vec<f64>,
     negative: Vec<f64>,
     trial: Vec<Vec<f64>>,
+    /// Tangent coordinates of one point.
+    step: Vec<f64>,
     residual: Vec<f64>,
     work: Workspace,
 }
@@ -97,6 +116,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
         validity: &'a V,
         options: &SmootherOptions,
         chain: &Chain,
+        price: Option<f64>,
     ) -> Self {
         let ends = [&chain.points[0], &chain.points[chain.segments()]].map(Vec::as_slice);
         Self {
@@ -110,8 +130,9 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
                 ends,
             ),
             largest_radius: options.trust_radius,
-            price: FIRST_PRICE * chain.length(),
+            price: price.unwrap_or_else(|| FIRST_PRICE * chain.length()),
             iterations: 0,
+            scale: 1.0,
             qp: BlockTridiagonalQp::default(),
             solver: BlockTridiagonalQpSolver::new().tolerance(QP_TOLERANCE),
             rows: Rows::default(),
@@ -125,6 +146,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             curvatures: Vec::new(),
             negative: Vec::new(),
             trial: Vec::new(),
+            step: Vec::new(),
             residual: Vec::new(),
             work: Workspace::default(),
         }
@@ -132,6 +154,11 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
 
     pub(super) fn iterations(&self) -> usize {
         self.iterations
+    }
+
+    /// The price of violations that has been found to suffice.
+    pub(super) fn price(&self) -> f64 {
+        self.price
     }
 
     pub(super) fn widen_margin(&mut self) {
@@ -162,7 +189,9 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
         max_iterations: usize,
         report: &mut dyn FnMut(&Relaxed, usize) -> bool,
     ) -> Option<Relaxed> {
-        let mut found = REACH * radius;
+        // Gradients of contacts are about unit vectors at most.
+        let long = long_step(chain.dimension);
+        let mut found = long * radius;
         self.finder
             .find(chain, &chain.points, found, &mut self.rows);
         let mut relaxed = Relaxed {
@@ -183,13 +212,19 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
                 break;
             }
             self.iterations += 1;
-            if found < REACH * radius {
-                found = REACH * radius;
+            if found < long * radius {
+                found = long * radius;
                 self.finder
                     .find(chain, &chain.points, found, &mut self.rows);
             }
-            self.assemble(chain, radius);
-            self.add_curvature(chain);
+            if refused == 0 {
+                self.assemble(chain, radius);
+                self.add_curvature(chain);
+            } else {
+                // The same programme, in a smaller box.
+                self.qp.set_box(-radius, radius);
+                self.push_cuts();
+            }
             let shortfall = self.rows.shortfall();
             if !self.solve(chain) {
                 break;
@@ -235,21 +270,20 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             } else {
                 (2.0 * moved).clamp(0.25 * radius, radius)
             };
-            let reached = self.try_step(chain);
-            let gain = if reached {
-                let reach = REACH * next_radius;
-                self.finder
-                    .find(chain, &self.trial, reach, &mut self.trial_rows);
-                let energy = chain.energy(&self.trial);
-                let after = energy + self.price * self.trial_rows.penalty();
-                (before - after) / promised
-            } else {
-                f64::NEG_INFINITY
-            };
+            let reach = long * next_radius;
+            let mut after = self.merit_after(chain, 1.0, reach);
+            let [enough, too_little] = OVERSHOT;
+            if let Some(merit) = after {
+                let gain = (before - merit) / promised;
+                if !at_edge && gain < enough && gain > too_little {
+                    after = self.merit_after(chain, 1.0 / (2.0 - gain), reach);
+                }
+            }
+            let gain = after.map_or(f64::NEG_INFINITY, |merit| (before - merit) / promised);
             if gain > LEAST_GAIN {
                 std::mem::swap(&mut chain.points, &mut self.trial);
                 std::mem::swap(&mut self.rows, &mut self.trial_rows);
-                found = REACH * next_radius;
+                found = long * next_radius;
                 relaxed.length = chain.length();
                 relaxed.violation = self.rows.violation();
                 let stays = self.rows.shortfall() > 0.7 * shortfall;
@@ -275,9 +309,14 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             } else {
                 // Other places than those constrained came close: constrain them.
                 refused += 1;
-                if reached && refused <= CUTTING_ROUNDS {
-                    self.add_cuts(chain);
-                    radius = if gain > -1.0 { 0.8 } else { 0.5 } * moved;
+                if after.is_some() && refused <= CUTTING_ROUNDS {
+                    self.find_cuts(chain);
+                    // They may be all that was missing.
+                    radius = match refused {
+                        1 => moved,
+                        _ if gain > -1.0 => 0.8 * moved,
+                        _ => 0.5 * moved,
+                    };
                 } else {
                     radius = 0.4 * moved;
                 }
@@ -335,9 +374,15 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             self.is_included[index] = true;
             qp.push_row(row.block, row.coefficients, -row.above, price);
         });
-        for cut in &self.cuts {
+        self.cuts.clear();
+    }
+
+    /// Adds the rows to the programme that the last step tried has met.
+    fn push_cuts(&mut self) {
+        for cut in self.cuts.drain(..) {
             self.included.push(None);
-            qp.push_row(cut.block, &cut.coefficients, -cut.above, price);
+            self.qp
+                .push_row(cut.block, &cut.coefficients, -cut.above, self.price);
         }
     }
 
@@ -431,11 +476,11 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
 
     /// Keeps the rows that fall short at the end of a refused step, extrapolated
     /// back to the chain's points.
-    fn add_cuts(&mut self, chain: &Chain) {
+    fn find_cuts(&mut self, chain: &Chain) {
         let (cuts, t) = (&mut self.cuts, self.solver.solution());
-        let k = chain.dimension;
+        let (k, scale) = (chain.dimension, self.scale);
         self.trial_rows.for_each_short(chain, |row| {
-            let moved = dot(row.coefficients, &t[row.block * k..]);
+            let moved = scale * dot(row.coefficients, &t[row.block * k..]);
             cuts.push(Cut {
                 block: row.block,
                 coefficients: row.coefficients.to_vec(),
@@ -471,21 +516,24 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             .fold(0.0, |most: f64, r| most.max(r.abs()))
     }
 
-    /// The points moved by the solution, into `trial`; `false` where one leaves
-    /// the reach of its chart.
-    fn try_step(&mut self, chain: &Chain) -> bool {
+    /// The energy plus the priced violations after a part of the step that is the
+    /// programme's solution: moves the points into `trial` and finds their rows within
+    /// `reach`. `None` where a point leaves the reach of its chart.
+    fn merit_after(&mut self, chain: &Chain, scale: f64, reach: f64) -> Option<f64> {
         let k = chain.dimension;
+        self.scale = scale;
         self.trial.clone_from(&chain.points);
         let solution = self.solver.solution().chunks_exact(k.max(1));
         for ((chart, t), x) in chain.charts.iter().zip(solution).zip(&mut self.trial[1..]) {
-            if chart
-                .exp(self.manifold, t, x, TOLERANCE, &mut self.work)
-                .is_err()
-            {
-                return false;
-            }
+            self.step.clear();
+            self.step.extend(t.iter().map(|t| scale * t));
+            chart
+                .exp(self.manifold, &self.step, x, TOLERANCE, &mut self.work)
+                .ok()?;
         }
-        true
+        self.finder
+            .find(chain, &self.trial, reach, &mut self.trial_rows);
+        Some(chain.energy(&self.trial) + self.price * self.trial_rows.penalty())
     }
 }
 

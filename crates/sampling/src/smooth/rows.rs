@@ -26,6 +26,11 @@ struct Head {
     start: usize,
 }
 
+/// What multiple of the trust radius steps rarely are longer than.
+pub(super) fn long_step(dimension: usize) -> f64 {
+    LONG[usize::from(dimension > FEW)]
+}
+
 /// An inequality in tangent coordinates.
 pub(super) struct TangentRow<'a> {
     /// First block concerned.
@@ -99,7 +104,7 @@ impl Rows {
     ) {
         self.for_each(chain, |index, row| {
             let most: f64 = row.coefficients.iter().map(|a| a.abs()).sum();
-            let long = LONG[usize::from(chain.dimension > FEW)]
+            let long = long_step(chain.dimension)
                 * row.coefficients.iter().map(|a| a * a).sum::<f64>().sqrt();
             if row.above <= radius * most.min(long) {
                 each(index, row);
