@@ -92,8 +92,8 @@ impl EquilibriumAtlas {
     }
 
     /// Draws the atlas, and on it a path: for k = 2 a polygon for each chart, up to
-    /// the borders, which are lines of their own; for other dimensions the links
-    /// between neighbouring charts.
+    /// the borders, which are lines of their own; for k = 1 the links between
+    /// neighbouring charts, for more those from each to the one that it was reached from.
     ///
     /// # Errors
     /// [`PictureError`] when a quantity has no value.
@@ -182,32 +182,47 @@ impl EquilibriumAtlas {
         let axes = view.quantities.map(|q| q.axis(structure, &view.units));
         let plot = SpacePlot::new(axes).title(&view.title).size(560.0, 460.0);
         let centers = self.configurations();
-        if self.dimension() != 2 {
-            let mut links = Vec::new();
-            for (i, center) in centers.iter().enumerate() {
-                for j in self.charts.neighbours(i).filter(|j| *j < i) {
-                    let ends = [center, &centers[j]].map(|c| self.place(problem, view, c));
-                    let [a, b] = ends;
-                    links.push([a?, b?]);
-                }
-            }
-            let label = format!("links between {} charts", centers.len());
-            return Ok(plot.curve(Curve::segments(label, links)));
-        }
-        let mut patches = Vec::new();
-        for (center, outline) in centers.iter().zip(outlines) {
-            let corners = outline.iter().map(|p| self.point(problem, view, &p.point));
-            let value = view.shade.value(structure, center);
-            patches.push(Patch {
-                corners: corners.collect::<Result<_, _>>()?,
-                value: value.ok_or_else(|| {
-                    PictureError::NoValue(view.shade.axis(structure, &view.units).title())
-                })?,
-            });
-        }
-        patches.retain(|patch| patch.corners.len() > 2);
         let bar: Axis = view.shade.axis(structure, &view.units);
+        let value = |configuration: &Configuration| {
+            let value = view.shade.value(structure, configuration);
+            value.ok_or_else(|| PictureError::NoValue(bar.title()))
+        };
+        let mut patches = Vec::new();
+        if self.dimension() == 2 {
+            for (center, outline) in centers.iter().zip(outlines) {
+                let corners = outline.iter().map(|p| self.point(problem, view, &p.point));
+                patches.push(Patch {
+                    corners: corners.collect::<Result<_, _>>()?,
+                    value: value(center)?,
+                });
+            }
+            patches.retain(|patch| patch.corners.len() > 2);
+        } else {
+            for (i, j) in self.links() {
+                let [a, b] = [i, j].map(|chart| &centers[chart]);
+                patches.push(Patch {
+                    corners: vec![self.place(problem, view, a)?, self.place(problem, view, b)?],
+                    value: 0.5 * (value(a)? + value(b)?),
+                });
+            }
+        }
         Ok(plot.polygons(bar, patches))
+    }
+
+    /// Pairs of charts that a picture joins: neighbours on a curve; where charts have
+    /// many neighbours, each and the one that it was reached from.
+    fn links(&self) -> Vec<(usize, usize)> {
+        let charts = 0..self.charts.len();
+        if self.dimension() == 1 {
+            let before = |i: usize| self.charts.neighbours(i).filter(move |j| *j < i);
+            charts
+                .flat_map(|i| before(i).map(move |j| (i, j)))
+                .collect()
+        } else {
+            charts
+                .filter_map(|i| Some((i, self.charts.parent(i)?)))
+                .collect()
+        }
     }
 
     /// The sides of outlines that lie on a border of one kind.

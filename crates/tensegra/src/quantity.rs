@@ -124,7 +124,9 @@ impl Shade {
                 let name = &structure.elements[element].name;
                 Axis::new(format!("compression of {name}")).unit(&units.force)
             }
-            Self::Energy => Axis::new("elastic energy"),
+            Self::Energy => {
+                Axis::new("elastic energy").unit(format!("{} × {}", units.force, units.length))
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 //! coloured by a fourth quantity, such as the charts of an atlas.
 //!
 //! Everything is drawn from the farthest to the nearest: polygons by their
-//! centre, lines in pieces short against them.
+//! centre, lines in pieces short against them. Lines behind polygons are faint.
 
 use nalgebra::Point3;
 
@@ -100,7 +100,8 @@ impl Curve {
     }
 }
 
-/// A flat convex polygon in space, coloured by a value.
+/// A convex polygon in space, nearly flat, coloured by a value; with two corners, a
+/// segment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
     /// Corners in order.
@@ -122,6 +123,10 @@ enum Shape {
     Dot(Place, f64, Fill),
 }
 
+/// Width of polygons that are segments.
+const LINK: f64 = 0.9;
+/// Opacity of lines behind polygons.
+const HIDDEN: f64 = 0.3;
 const BAR: f64 = 12.0;
 const TICK: f64 = 4.0;
 const GAP: f64 = 6.0;
@@ -301,6 +306,7 @@ impl SpacePlot {
 
     fn items(&self, cube: &Cube, sheet: &Sheet, colors: Option<&Fitted>) -> Vec<Item> {
         let mut items = Vec::new();
+        let mut facets = Vec::new();
         let mut reach = 0.0;
         for (patch, axis) in self
             .polygons
@@ -316,17 +322,22 @@ impl SpacePlot {
                 continue;
             };
             reach += bounds.max.z - bounds.min.z;
-            let corners = seen.iter().map(|corner| sheet.flat(corner)).collect();
-            items.push(Item {
-                depth: seen.iter().map(|corner| corner.z).sum::<f64>() / seen.len() as f64,
-                shape: Shape::Polygon(corners, viridis(axis.place(patch.value))),
-            });
+            let corners: Vec<Place> = seen.iter().map(|corner| sheet.flat(corner)).collect();
+            let color = viridis(axis.place(patch.value));
+            let depth = seen.iter().map(|corner| corner.z).sum::<f64>() / seen.len() as f64;
+            let shape = match seen.len() {
+                ..3 => Shape::Line(corners, usize::MAX, Stroke::new(color, LINK).round()),
+                _ => Shape::Polygon(corners, color),
+            };
+            items.push(Item { depth, shape });
+            facets.push(Facet { seen, depth });
         }
         // Without polygons nothing hides an end of a path.
         let ahead = if self.polygons.is_empty() { 10.0 } else { 0.02 };
         // Lines on a polygon are as deep as it is and must not sink into it.
         let lift = 0.5 * reach / self.polygons.len().max(1) as f64 + 1e-6;
         let seen = |point: &[f64; 3]| sheet.camera.see(&cube.place(point));
+        let mut pieces = Vec::new();
         for (index, curve) in self.curves.iter().enumerate() {
             let (color, dash) = self.color_of(index);
             let stroke = Stroke::new(color, curve.width).dash(dash);
@@ -337,7 +348,7 @@ impl SpacePlot {
                         items.push(sheet.whole(&places, index, stroke));
                     } else {
                         for side in places.windows(2) {
-                            sheet.cut(&mut items, [side[0], side[1]], lift, index, stroke.round());
+                            sheet.cut(&mut pieces, [side[0], side[1]], lift, index, stroke.round());
                         }
                     }
                     let ends = [(places.first(), WHITE), (places.last(), INK)];
@@ -353,7 +364,7 @@ impl SpacePlot {
                 Look::Segments(segments) => {
                     for segment in segments {
                         let ends = segment.each_ref().map(seen);
-                        sheet.cut(&mut items, ends, lift, index, stroke.round());
+                        sheet.cut(&mut pieces, ends, lift, index, stroke.round());
                     }
                 }
                 Look::Points(points) => items.extend(points.iter().map(seen).map(|place| {
@@ -367,7 +378,59 @@ impl SpacePlot {
                 })),
             }
         }
+        items.extend(pieces.into_iter().map(|piece| piece.over(&facets)));
         items
+    }
+}
+
+/// A polygon as it is seen, for the lines that lie on it.
+struct Facet {
+    seen: Vec<Point3<f64>>,
+    depth: f64,
+}
+
+impl Facet {
+    /// Depth of the facet where a point covers it; the facet is a fan of triangles.
+    fn depth_at(&self, point: &Point3<f64>) -> Option<f64> {
+        let [hub, rest @ ..] = self.seen.as_slice() else {
+            return None;
+        };
+        rest.windows(2).find_map(|side| {
+            let (u, v, p) = (side[0] - hub, side[1] - hub, point - hub);
+            let area = u.x * v.y - u.y * v.x;
+            let along_u = (p.x * v.y - p.y * v.x) / area;
+            let along_v = (u.x * p.y - u.y * p.x) / area;
+            let inside = along_u >= 0.0 && along_v >= 0.0 && along_u + along_v <= 1.0;
+            inside.then(|| hub.z + along_u * u.z + along_v * v.z)
+        })
+    }
+}
+
+/// A short piece of a line.
+struct Piece {
+    middle: Point3<f64>,
+    item: Item,
+}
+
+impl Piece {
+    /// The item, drawn after the facets that it lies on (a facet as a whole may count
+    /// as nearer than a line on the far part of it), and faintly on those that hide it,
+    /// so that lines can be followed.
+    fn over(mut self, facets: &[Facet]) -> Item {
+        /// How far a line may be from a facet that it lies on, as facets are flat.
+        const NEAR: f64 = 0.06;
+        for facet in facets {
+            let Some(depth) = facet.depth_at(&self.middle) else {
+                continue;
+            };
+            if depth - self.middle.z > NEAR
+                && let Shape::Line(_, _, stroke) = &mut self.item.shape
+            {
+                stroke.opacity = HIDDEN;
+            }
+            self.item.depth = self.item.depth.max(facet.depth + 1e-6);
+        }
+        self.item
     }
 }
 
@@ -390,9 +453,10 @@ fn joined(items: Vec<Item>) -> Vec<Item> {
     let near = |a: Place, b: Place| (a[0] - b[0]).hypot(a[1] - b[1]) < 0.01;
     let mut joined: Vec<Item> = Vec::with_capacity(items.len());
     for item in items {
-        if let (Shape::Line(next, curve, _), Some(last)) = (&item.shape, joined.last_mut())
-            && let Shape::Line(line, same, _) = &mut last.shape
+        if let (Shape::Line(next, curve, stroke), Some(last)) = (&item.shape, joined.last_mut())
+            && let Shape::Line(line, same, of_last) = &mut last.shape
             && curve == same
+            && (stroke.color, stroke.opacity) == (of_last.color, of_last.opacity)
             && let ([.., end], &[from, to]) = (line.as_slice(), next.as_slice())
         {
             // Depth may grow along the curve or against it.
@@ -487,24 +551,25 @@ impl Sheet {
     /// Adds a segment in pieces that are short against the box.
     fn cut(
         &self,
-        items: &mut Vec<Item>,
+        pieces: &mut Vec<Piece>,
         [from, to]: [Point3<f64>; 2],
         lift: f64,
         curve: usize,
         stroke: Stroke,
     ) {
-        const PIECE: f64 = 0.03;
-        let pieces = ((to - from).norm() / PIECE).ceil().clamp(1.0, 64.0) as usize;
-        for piece in 0..pieces {
+        const LENGTH: f64 = 0.03;
+        let count = ((to - from).norm() / LENGTH).ceil().clamp(1.0, 64.0) as usize;
+        for piece in 0..count {
             let ends =
-                [piece, piece + 1].map(|end| from + (to - from) * (end as f64 / pieces as f64));
-            items.push(Item {
-                depth: 0.5 * (ends[0].z + ends[1].z) + lift,
-                shape: Shape::Line(
-                    ends.iter().map(|end| self.flat(end)).collect(),
-                    curve,
-                    stroke,
-                ),
+                [piece, piece + 1].map(|end| from + (to - from) * (end as f64 / count as f64));
+            let middle = nalgebra::center(&ends[0], &ends[1]);
+            let line = ends.iter().map(|end| self.flat(end)).collect();
+            pieces.push(Piece {
+                middle,
+                item: Item {
+                    depth: middle.z + lift,
+                    shape: Shape::Line(line, curve, stroke),
+                },
             });
         }
     }
@@ -659,6 +724,41 @@ mod tests {
             colorless.draw(),
             Err(PictureError::NotFinite { .. })
         ));
+    }
+
+    #[test]
+    fn lines_behind_polygons_are_faint_and_lines_on_them_are_not() {
+        // A sheet across the box, level in depth; the viewer is at −y and above.
+        let sheet = |y: f64| Patch {
+            corners: [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+                .map(|[x, z]| [x, y, z])
+                .to_vec(),
+            value: y,
+        };
+        let lines = |y: f64| {
+            let line = Curve::segments("", vec![[[0.5, y, 0.5], [0.51, y, 0.5]]]);
+            let plot =
+                SpacePlot::new(axes()).polygons(Axis::new("v"), vec![sheet(0.0), sheet(1.0)]);
+            plot.curve(line).draw().unwrap().to_svg()
+        };
+        assert!(!lines(0.0).contains("stroke-opacity"));
+        assert!(lines(0.5).contains("stroke-opacity"));
+        assert!(!lines(-0.5).contains("stroke-opacity"));
+    }
+
+    #[test]
+    fn patches_with_two_corners_are_lines_in_their_colours() {
+        let link = |z: f64| Patch {
+            corners: vec![[0.0, 0.0, z], [1.0, 0.5, z]],
+            value: z,
+        };
+        let plot = SpacePlot::new(axes()).polygons(Axis::new("v"), vec![link(0.0), link(1.0)]);
+        let svg = plot.draw().unwrap().to_svg();
+        for share in [0.0, 1.0] {
+            let Rgb(r, g, b) = viridis(share);
+            let stroke = format!("stroke=\"#{r:02x}{g:02x}{b:02x}\"");
+            assert!(svg.contains(&stroke), "{stroke}");
+        }
     }
 
     #[test]
