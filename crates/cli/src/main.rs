@@ -1,6 +1,8 @@
 //! The program `tensegra`: planning the motion of tensegrity structures and
 //! truss robots from the command line. Each verb is a module of [`commands`].
 
+#[macro_use]
+mod output;
 mod commands;
 mod failure;
 mod progress;

@@ -257,6 +257,20 @@ fn no_plan_within_the_time_is_status_1_with_statistics() {
 }
 
 #[test]
+fn a_reader_that_has_left_is_no_failure() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = Command::new(env!("CARGO_BIN_EXE_tensegra"))
+        .arg("info")
+        .arg(fixture("kite.toml"))
+        .stdout(writer)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stderr.is_empty());
+}
+
+#[test]
 fn wrong_arguments_are_status_2() {
     for arguments in [
         &["plan"][..],
@@ -308,6 +322,15 @@ fn tracing_says_whether_and_why_it_stops() {
     let output = trace("arch.toml", &["--move", "s1:rest=1"]);
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(json(&output)["stop"], "fold");
+    // A structure all of whose rest lengths are constant.
+    let output = trace("prism.toml", &["--move", "s1:length=1.1"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(folder.path().join("lengths.svg").is_file());
+    // More motors than freedoms.
+    let moves = ["c1:rest=0.4", "c2:rest=0.4", "c3:rest=0.4", "c4:rest=0.5"];
+    let output = trace("kite.toml", &moves.map(|m| ["--move", m]).concat());
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(json(&output)["stop"], "too_many");
     // Bad input.
     for arguments in [
         &["--element", "c9", "--quantity", "rest", "--to", "1"][..],

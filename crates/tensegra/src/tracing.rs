@@ -118,6 +118,18 @@ pub enum TraceStop {
     /// longer: beyond, there is no such equilibrium nearby.
     #[error("a fold: no equilibrium lies beyond with the other motors held")]
     Fold,
+    /// More quantities are moved than the structure has parameters, and no
+    /// equilibrium has them all nearer to their values.
+    #[error(
+        "{moved} quantities are moved, but in equilibrium the structure moves with {dimension} \
+         parameters: move fewer at once"
+    )]
+    TooMany {
+        /// Number of quantities that are moved.
+        moved: usize,
+        /// Dimension k of the equilibrium manifold.
+        dimension: usize,
+    },
     /// The dimension of the equilibrium manifold changes.
     #[error("a singular configuration: the freedoms of the structure change there")]
     Singular,
@@ -249,6 +261,7 @@ impl<'a> TraceSetup<'a> {
             problem,
             manifold,
             free: &free,
+            dimension: self.grounded.dimension,
             inner,
         }))
     }
@@ -267,6 +280,7 @@ pub struct Tracer<'a> {
     problem: &'a Problem,
     manifold: &'a Manifold,
     free: &'a Free<'a>,
+    dimension: usize,
     inner: sampling::Tracer<'a, Manifold, Free<'a>, All<'a>>,
 }
 
@@ -286,6 +300,12 @@ impl Tracer<'_> {
         match self.inner.step(&targets) {
             sampling::Advance::Moved => TraceStep::Moved,
             sampling::Advance::Arrived => TraceStep::Arrived,
+            sampling::Advance::Stopped(sampling::Stop::Fold) if motions.len() > self.dimension => {
+                TraceStep::Stopped(TraceStop::TooMany {
+                    moved: motions.len(),
+                    dimension: self.dimension,
+                })
+            }
             sampling::Advance::Stopped(stop) => TraceStep::Stopped(self.explain(stop)),
         }
     }

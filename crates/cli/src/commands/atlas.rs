@@ -55,16 +55,16 @@ pub struct Arguments {
     ])]
     query: Option<PathBuf>,
     /// Largest radius ρ of a chart [default: the problem's].
-    #[arg(long, value_name = "R", value_parser = parse_positive)]
+    #[arg(long, value_name = "R", value_parser = parse_positive, allow_negative_numbers = true)]
     radius: Option<f64>,
     /// Largest distance ε between a chart and the manifold [default: the problem's].
-    #[arg(long, value_name = "E", value_parser = parse_positive)]
+    #[arg(long, value_name = "E", value_parser = parse_positive, allow_negative_numbers = true)]
     error: Option<f64>,
     /// Charts after which the atlas is left incomplete [default: the problem's].
     #[arg(long, value_name = "N")]
     max_charts: Option<usize>,
     /// CPU seconds after which the atlas is left incomplete [default: the problem's].
-    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    #[arg(long, value_name = "S", value_parser = parse_seconds, allow_negative_numbers = true)]
     time_limit: Option<f64>,
     /// Coordinates of the equilibrium manifold [default: the problem's].
     #[arg(long, value_enum)]
@@ -322,14 +322,14 @@ fn print(outcome: &Outcome) {
         answer,
         files,
     } = outcome;
-    println!(
+    say!(
         "atlas              {} charts, {} of them at a border, dimension {}, formulation {}",
         atlas.charts.len(),
         atlas.border_charts(),
         atlas.dimension(),
         formulation_name(atlas.formulation)
     );
-    println!(
+    say!(
         "component          {}",
         if atlas.complete {
             "explored whole"
@@ -338,15 +338,17 @@ fn print(outcome: &Outcome) {
         }
     );
     if atlas.seconds > 0.0 {
-        println!(
+        say!(
             "time               {:.4} s, {} ways tested",
-            atlas.seconds, atlas.validity_tests
+            atlas.seconds,
+            atlas.validity_tests
         );
     }
     if let Some(coverage) = coverage {
-        println!(
+        say!(
             "coverage           {} of {} points traced at random lie on a chart",
-            coverage.covered, coverage.points
+            coverage.covered,
+            coverage.points
         );
     }
     if let Some(area) = area {
@@ -355,10 +357,10 @@ fn print(outcome: &Outcome) {
         } else {
             "area"
         };
-        println!("{what:<18} {area:.4} in the coordinates of the formulation");
+        say!("{what:<18} {area:.4} in the coordinates of the formulation");
     }
     for (i, border) in atlas.borders.iter().enumerate() {
-        println!(
+        say!(
             "{:<18} {}: {} ({} directions)",
             if i == 0 { "ends at" } else { "" },
             border.kind,
@@ -369,7 +371,7 @@ fn print(outcome: &Outcome) {
     match answer {
         None => {}
         Some(Ok((path, report))) => {
-            println!(
+            say!(
                 "path               {} configurations over {} charts, {} ways tested, {:.4} s",
                 path.path.configurations.len(),
                 path.charts.len(),
@@ -377,15 +379,15 @@ fn print(outcome: &Outcome) {
                 path.seconds
             );
             if report.ok {
-                println!("check              accepted by the independent judge");
+                say!("check              accepted by the independent judge");
             } else {
-                println!("check              REFUSED by the independent judge");
+                say!("check              REFUSED by the independent judge");
                 for failure in &report.failures {
-                    println!("                   {}", failure.message);
+                    say!("                   {}", failure.message);
                 }
             }
         }
-        Some(Err(error)) => println!("path               none: {error}"),
+        Some(Err(error)) => say!("path               none: {error}"),
     }
     print_written(files);
 }

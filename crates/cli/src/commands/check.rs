@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
             .collect();
         print_json(&value);
     } else {
-        println!("{report}");
+        say!("{report}");
     }
     Ok(report.ok)
 }

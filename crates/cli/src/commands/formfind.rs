@@ -98,7 +98,7 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
             if arguments.json {
                 print_json(&unmet_json(&error));
             } else {
-                println!("not found          {error}");
+                say!("not found          {error}");
             }
             Ok(false)
         }
@@ -202,25 +202,25 @@ fn unmet_json(error: &FormError) -> Value {
 
 fn print(problem: &Problem, found: &JudgedForms, files: &[PathBuf]) {
     let forms = &found.forms;
-    println!(
+    say!(
         "found              {} of {} starts converged, seed {}",
         forms.forms.len(),
         forms.starts,
         found.seed
     );
-    println!("shapes             {} distinct", forms.shape_count());
-    println!(
+    say!("shapes             {} distinct", forms.shape_count());
+    say!(
         "check              {} of {} accepted by the independent judge",
         found.accepted(),
         forms.forms.len()
     );
-    println!();
-    println!("  start  shape   residual   stiffness   clearance      energy  check");
+    say!();
+    say!("  start  shape   residual   stiffness   clearance      energy  check");
     let best = forms.best_index();
     let listed = (0..forms.forms.len()).filter(|&i| i < LISTED || i == best);
     for index in listed {
         let form = &forms.forms[index];
-        println!(
+        say!(
             "{}{:>6} {:>6} {:>10.1e} {:>11} {:>11} {:>11.4e}  {}",
             if index == best { "*" } else { " " },
             form.start,
@@ -236,13 +236,13 @@ fn print(problem: &Problem, found: &JudgedForms, files: &[PathBuf]) {
             },
         );
     }
-    println!();
+    say!();
     print_best(problem, forms.best());
     for failure in &found.reports[best].failures {
-        println!("                   {}", failure.message);
+        say!("                   {}", failure.message);
     }
     for (i, file) in files.iter().enumerate() {
-        println!(
+        say!(
             "{:<18} {}",
             if i == 0 { "written" } else { "" },
             file.display()
@@ -251,10 +251,10 @@ fn print(problem: &Problem, found: &JudgedForms, files: &[PathBuf]) {
 }
 
 fn print_best(problem: &Problem, form: &Form) {
-    println!("best (*)           element     length     rest length   force");
+    say!("best (*)           element     length     rest length   force");
     let configuration = &form.configuration;
     for (e, element) in problem.structure.elements.iter().enumerate() {
-        println!(
+        say!(
             "                   {:<8} {:>9.5} {:>13} {:>11}",
             element.name,
             configuration.lengths[e],

@@ -183,35 +183,37 @@ fn print(problem: &Problem, d: &Description, flaws: &[String]) {
         .iter()
         .map(|(kind, n)| format!("{n} {}", plural(kind.keyword(), *n)))
         .collect();
-    println!("{}", problem.name);
-    println!("  nodes                {}", d.nodes);
-    println!("  elements             {}", elements.join(", "));
-    println!("  formulation          {}", formulation_name(d.formulation));
-    println!(
+    say!("{}", problem.name);
+    say!("  nodes                {}", d.nodes);
+    say!("  elements             {}", elements.join(", "));
+    say!("  formulation          {}", formulation_name(d.formulation));
+    say!(
         "  before elimination   {} variables, {} equations",
-        d.variables_raw, d.equations_raw
+        d.variables_raw,
+        d.equations_raw
     );
-    println!(
+    say!(
         "  after elimination    {} variables, {} equations",
-        d.variables, d.equations
+        d.variables,
+        d.equations
     );
-    println!(
+    say!(
         "  independent          {} equations at the start",
         d.independent
     );
-    println!("  dimension            k = {}", d.dimension);
-    println!("  self-stress states   {}", d.rigidity.self_stress.len());
-    println!("  mechanisms           {}", d.rigidity.mechanisms.len());
-    println!();
-    println!("In equilibrium it moves with {}.", parameters(d.dimension));
+    say!("  dimension            k = {}", d.dimension);
+    say!("  self-stress states   {}", d.rigidity.self_stress.len());
+    say!("  mechanisms           {}", d.rigidity.mechanisms.len());
+    say!();
+    say!("In equilibrium it moves with {}.", parameters(d.dimension));
     for sentence in d.rigidity.in_words(&problem.structure) {
-        println!("{sentence}");
+        say!("{sentence}");
     }
     if flaws.is_empty() {
-        println!("No problems found.");
+        say!("No problems found.");
     }
     for flaw in flaws {
-        println!("Problem: {flaw}");
+        say!("Problem: {flaw}");
     }
 }
 

@@ -125,7 +125,7 @@ pub fn read_problem(file: &Path) -> Result<Problem, Failure> {
 
 /// Prints one JSON value on standard output.
 pub fn print_json(value: &serde_json::Value) {
-    println!("{value:#}");
+    say!("{value:#}");
 }
 
 /// Prints the outcome of one run as a JSON object, those of many as an array.
@@ -211,7 +211,7 @@ fn write_picture(
 /// Prints the names of the files written.
 fn print_written(files: &[PathBuf]) {
     for (i, file) in files.iter().enumerate() {
-        println!(
+        say!(
             "{:<18} {}",
             if i == 0 { "written" } else { "" },
             file.display()

@@ -70,7 +70,7 @@ pub struct Arguments {
     #[arg(long)]
     no_slide: bool,
     /// CPU seconds after which planning is given up [default: the problem's].
-    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    #[arg(long, value_name = "S", value_parser = parse_seconds, allow_negative_numbers = true)]
     time_limit: Option<f64>,
     #[command(flatten)]
     stability: StabilityArguments,
@@ -455,7 +455,7 @@ fn print_one(outcome: &Outcome) {
     match &outcome.result {
         Ok(solved) => print_solved(outcome.seed, solved),
         Err((error, statistics)) => {
-            println!("not solved         {error}");
+            say!("not solved         {error}");
             print_statistics(statistics);
         }
     }
@@ -463,18 +463,21 @@ fn print_one(outcome: &Outcome) {
 
 fn print_solved(seed: u64, solved: &Solved) {
     let Solved { plan, report, .. } = solved;
-    println!(
+    say!(
         "solved             seed {seed}, formulation {}",
         formulation_name(plan.formulation)
     );
-    println!(
+    say!(
         "time               preparation {:.4} s, planning {:.4} s, check {:.3} s, writing {:.3} s",
-        plan.preparation_seconds, plan.planning_seconds, solved.check_seconds, solved.write_seconds
+        plan.preparation_seconds,
+        plan.planning_seconds,
+        solved.check_seconds,
+        solved.write_seconds
     );
     print_statistics(&plan.statistics);
     match &solved.smoothed {
         Some(smoothed) => print_smoothed(smoothed),
-        None => println!(
+        None => say!(
             "path               {} configurations, length {:.4}, control effort {}",
             plan.path.configurations.len(),
             plan.path_length,
@@ -488,22 +491,24 @@ fn print_solved(seed: u64, solved: &Solved) {
         ("worst balance", Check::Balance),
     ] {
         if let Some(figure) = report.figure(check) {
-            println!(
+            say!(
                 "{label:<18} {:.3e}  {} {}",
-                figure.value, figure.subject, figure.location
+                figure.value,
+                figure.subject,
+                figure.location
             );
         }
     }
-    println!(
+    say!(
         "least stiffness    {}",
         stiffness_text(plan.least_stiffness)
     );
     if report.ok {
-        println!("check              accepted by the independent judge");
+        say!("check              accepted by the independent judge");
     } else {
-        println!("check              REFUSED by the independent judge");
+        say!("check              REFUSED by the independent judge");
         for failure in &report.failures {
-            println!("                   {}", failure.message);
+            say!("                   {}", failure.message);
         }
     }
     print_written(&solved.files);
@@ -517,7 +522,7 @@ fn print_smoothed(smoothed: &Smoothed) {
             .iter()
             .map(|length| length.map_or_else(|| "-".to_owned(), |l| format!("{l:.3}")))
             .collect();
-        println!(
+        say!(
             "lengths of plans   {} on a coarse mesh; {} smoothed to the end; {:.4} s of planning, \
              {:.3} s of smoothing",
             lengths.join(", "),
@@ -534,29 +539,32 @@ fn effort_text(plan: &Plan) -> String {
 }
 
 fn print_statistics(s: &Statistics) {
-    println!(
+    say!(
         "search             {} charts, {} nodes, {} branches ({} productive)",
-        s.charts, s.nodes, s.extensions, s.productive_extensions
+        s.charts,
+        s.nodes,
+        s.extensions,
+        s.productive_extensions
     );
     if s.restarts > 0 {
-        println!("restarts           {}", s.restarts);
+        say!("restarts           {}", s.restarts);
     }
     let reasons: Vec<String> = stops(&s.stops)
         .iter()
         .filter(|(_, count)| *count > 0)
         .map(|(reason, count)| format!("{} {count}", reason.replace('_', " ")))
         .collect();
-    println!("branches ended     {}", reasons.join(", "));
+    say!("branches ended     {}", reasons.join(", "));
 }
 
 fn print_many(outcomes: &[Outcome]) {
-    println!("  seed  solved  check     planning s   charts    nodes   length   effort");
+    say!("  seed  solved  check     planning s   charts    nodes   length   effort");
     let mut seconds = Vec::new();
     for outcome in outcomes {
         match &outcome.result {
             Ok(Solved { plan, report, .. }) => {
                 seconds.push(plan.planning_seconds);
-                println!(
+                say!(
                     "{:>6}  yes     {:<8} {:>11.5} {:>8} {:>8} {:>8.3} {:>8}",
                     outcome.seed,
                     if report.ok { "accepted" } else { "REFUSED" },
@@ -567,15 +575,18 @@ fn print_many(outcomes: &[Outcome]) {
                     effort_text(plan)
                 );
             }
-            Err((error, statistics)) => println!(
+            Err((error, statistics)) => say!(
                 "{:>6}  NO               {:>11.5} {:>8} {:>8}  {error}",
-                outcome.seed, statistics.seconds, statistics.charts, statistics.nodes
+                outcome.seed,
+                statistics.seconds,
+                statistics.charts,
+                statistics.nodes
             ),
         }
     }
     seconds.sort_by(f64::total_cmp);
     if let Some(median) = tensegra::io::quantile(&seconds, 0.5) {
-        println!(
+        say!(
             "{} of {} solved; median planning time {median:.5} s",
             seconds.len(),
             outcomes.len()

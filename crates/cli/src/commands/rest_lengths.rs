@@ -104,7 +104,7 @@ pub fn run(
             if json {
                 print_json(&json!({ "found": false, "error": reason }));
             } else {
-                println!("not found          {reason}");
+                say!("not found          {reason}");
             }
             return Ok(false);
         }
@@ -130,10 +130,10 @@ pub fn run(
         print_json(&as_json(problem, &found, &report, &file));
     } else {
         for line in &found.lines {
-            println!("{line}");
+            say!("{line}");
         }
-        println!("check              {}", verdict(&report));
-        println!("written            {}", file.display());
+        say!("check              {}", verdict(&report));
+        say!("written            {}", file.display());
     }
     Ok(found.sound && report.ok)
 }

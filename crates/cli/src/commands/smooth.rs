@@ -75,16 +75,16 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
         print_json(&value);
     } else {
         print(&smoothing);
-        println!(
+        say!(
             "least stiffness    {}",
             stiffness_text(smoothing.least_stiffness)
         );
         if smoothing.report.ok {
-            println!("check              accepted by the independent judge");
+            say!("check              accepted by the independent judge");
         } else {
-            println!("check              REFUSED by the independent judge");
+            say!("check              REFUSED by the independent judge");
             for failure in &smoothing.report.failures {
-                println!("                   {}", failure.message);
+                say!("                   {}", failure.message);
             }
         }
         print_written(&files);
@@ -206,12 +206,12 @@ pub fn add_json(object: &mut Value, smoothing: &Smoothing) {
 /// Prints the figures of smoothing.
 pub fn print(smoothing: &Smoothing) {
     let effort = |c: Option<f64>| c.map_or_else(|| "-".to_owned(), |c| format!("{c:.4}"));
-    println!(
+    say!(
         "control effort     {} before, {} after",
         effort(smoothing.control_effort_before),
         effort(smoothing.control_effort)
     );
-    println!(
+    say!(
         "path length        {:.4} before, {:.4} after shortcuts, {:.4} after; {} configurations",
         smoothing.path_length_before,
         smoothing.shortcut_length,
@@ -219,7 +219,7 @@ pub fn print(smoothing: &Smoothing) {
         smoothing.path.configurations.len()
     );
     match smoothing.optimality {
-        Some(optimality) => println!(
+        Some(optimality) => say!(
             "optimality         {optimality:.2e} ({}), {} iterations",
             if smoothing.converged {
                 "converged"
@@ -228,13 +228,14 @@ pub fn print(smoothing: &Smoothing) {
             },
             smoothing.iterations
         ),
-        None => println!("optimality         - (not smoothed)"),
+        None => say!("optimality         - (not smoothed)"),
     }
     if let Some(setback) = &smoothing.setback {
-        println!("                   {setback}");
+        say!("                   {setback}");
     }
-    println!(
+    say!(
         "smoothing time     {:.3} s, {:.3} s of it for shortcuts",
-        smoothing.seconds, smoothing.shortcut_seconds
+        smoothing.seconds,
+        smoothing.shortcut_seconds
     );
 }

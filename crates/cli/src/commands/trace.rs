@@ -9,9 +9,9 @@ use tensegra::{
     check::{CheckOptions, Report, check_path},
     io::{
         LogOptions, PathFile, Picture, PictureError, Units, draw_configuration, draw_forces,
-        draw_rest_lengths, draw_snapshots, write_log, write_path_file,
+        draw_lengths, draw_rest_lengths, draw_snapshots, write_log, write_path_file,
     },
-    model::{ElementQuantity, Problem, Structure},
+    model::{ElementQuantity, Interval, Problem, Structure},
     trace,
 };
 
@@ -33,7 +33,7 @@ const SNAPSHOTS: usize = 4;
 ///
 /// Writes into the output folder: path.json (the path), path.mcap (for
 /// Foxglove), and pictures as SVG and PNG: start, end, snapshots, and forces and
-/// rest lengths along the path.
+/// rest lengths (lengths, where no rest length may change) along the path.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     tensegra trace fixtures/kite.toml --element c1 --quantity rest --to 0.4\n  \
@@ -185,6 +185,15 @@ fn name(structure: &Structure, quantity: ElementQuantity) -> String {
     format!("{} of {element}", quantity.noun())
 }
 
+/// With six decimals, or in powers of ten where that would be unreadable.
+fn decimal(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
+        format!("{value:.6}")
+    } else {
+        format!("{value:.6e}")
+    }
+}
+
 /// In one word, for programs.
 fn verdict(traced: &Trace) -> &'static str {
     match &traced.stop {
@@ -194,6 +203,7 @@ fn verdict(traced: &Trace) -> &'static str {
         Some(TraceStop::Collision { .. }) => "collision",
         Some(TraceStop::Unstable { .. }) => "unstable",
         Some(TraceStop::Singular) => "singular",
+        Some(TraceStop::TooMany { .. }) => "too_many",
         Some(_) => "fold",
     }
 }
@@ -265,8 +275,11 @@ fn draw(problem: &Problem, traced: &Trace) -> Result<Vec<(&'static str, Picture)
     let snapshots = draw_snapshots(structure, environment, path, SNAPSHOTS, &units)?;
     pictures.push(("snapshots", snapshots));
     pictures.push(("forces", draw_forces(structure, path, &units)?));
-    if structure.elements.iter().any(|e| e.rest().is_some()) {
+    let varies = |range: Option<Interval>| range.is_some_and(|range| !range.is_constant());
+    if structure.elements.iter().any(|e| varies(e.rest())) {
         pictures.push(("rest_lengths", draw_rest_lengths(structure, path, &units)?));
+    } else if structure.elements.iter().any(|e| varies(Some(e.length))) {
+        pictures.push(("lengths", draw_lengths(structure, path, &units)?));
     }
     Ok(pictures)
 }
@@ -281,21 +294,22 @@ fn print(
     let structure = &problem.structure;
     let first = traced.path.configurations.first();
     match &traced.stop {
-        None if traced.cancelled => println!("stopped            the time limit was reached"),
-        None => println!("reached            every value"),
-        Some(stop) => println!("stopped            {stop}"),
+        None if traced.cancelled => say!("stopped            the time limit was reached"),
+        None => say!("reached            every value"),
+        Some(stop) => say!("stopped            {stop}"),
     }
     for (motion, value) in motions.iter().zip(&traced.reached) {
         let from = first.and_then(|first| motion.quantity.value(first));
-        println!(
-            "moved              {} from {:.6} to {value:.6} (asked for {:.6})",
+        say!(
+            "moved              {} from {} to {} (asked for {})",
             name(structure, motion.quantity),
-            from.unwrap_or(*value),
-            motion.to
+            decimal(from.unwrap_or(*value)),
+            decimal(*value),
+            decimal(motion.to)
         );
     }
     if let Some((quantity, deviation)) = traced.worst_held {
-        println!(
+        say!(
             "held               {}: {deviation:.3e}",
             format_args!(
                 "all other motors; the {} gave way most",
@@ -303,21 +317,21 @@ fn print(
             )
         );
     }
-    println!(
+    say!(
         "path               {} configurations in {:.4} s",
         traced.path.configurations.len(),
         traced.seconds
     );
-    println!(
+    say!(
         "least stiffness    {}",
         stiffness_text(traced.least_stiffness)
     );
     if report.ok {
-        println!("check              accepted by the independent judge");
+        say!("check              accepted by the independent judge");
     } else {
-        println!("check              REFUSED by the independent judge");
+        say!("check              REFUSED by the independent judge");
         for failure in &report.failures {
-            println!("                   {}", failure.message);
+            say!("                   {}", failure.message);
         }
     }
     print_written(files);

@@ -346,7 +346,7 @@ fn print_one(outcome: &Outcome) {
     let planned = match &outcome.result {
         Ok(planned) => planned,
         Err(error) => {
-            println!("not solved         {error}");
+            say!("not solved         {error}");
             return;
         }
     };
@@ -356,52 +356,56 @@ fn print_one(outcome: &Outcome) {
     } else {
         "not solved"
     };
-    println!(
+    say!(
         "{label:<18} {}: {}, {} of {} waypoints reached",
         planner_name(outcome.planner),
         statistics.stop,
         statistics.reached,
         walk.waypoints.len()
     );
-    println!(
+    say!(
         "time               planning {:.4} s, writing {:.3} s",
-        statistics.seconds, planned.write_seconds
+        statistics.seconds,
+        planned.write_seconds
     );
     match &planned.motions {
         Some((MotionSource::File, Some(file))) => {
-            println!("motions            read from {}", file.display());
+            say!("motions            read from {}", file.display());
         }
         Some((_, Some(file))) => {
-            println!(
+            say!(
                 "motions            optimised, written to {}",
                 file.display()
             );
         }
-        Some((_, None)) => println!("motions            optimised"),
+        Some((_, None)) => say!("motions            optimised"),
         None => {}
     }
-    println!(
+    say!(
         "walk               {} steps, {} rolls, straight distance {:.3}",
         walk.configurations.len().saturating_sub(1),
         walk.rolls.len(),
         statistics.distance
     );
-    println!(
+    say!(
         "cost               {:.3} (steps × Σ‖ΔL‖²/distance), Σ‖ΔL‖² {:.4}",
-        statistics.cost, statistics.actuation
+        statistics.cost,
+        statistics.actuation
     );
     if outcome.planner == WalkPlanner::Greedy {
-        println!(
+        say!(
             "optimisations      {}, {} iterations, {} recoveries",
-            statistics.optimisations, statistics.iterations, statistics.recoveries
+            statistics.optimisations,
+            statistics.iterations,
+            statistics.recoveries
         );
     }
     for (seconds, report) in &planned.simulations {
         if report.lost {
-            println!("simulated          {seconds} s a roll: the robot falls and loses its way");
+            say!("simulated          {seconds} s a roll: the robot falls and loses its way");
             continue;
         }
-        println!(
+        say!(
             "simulated          {seconds} s a roll: mean error {:.2} cm, largest {:.2} cm, peak \
              force {:.0} N",
             100.0 * report.mean_error,
@@ -416,7 +420,7 @@ fn print_one(outcome: &Outcome) {
 /// Prints a verdict with its worst figures.
 pub fn print_check(check: &WalkCheck, walk: &Walk) {
     if let Some(clearance) = walk.statistics.certified_clearance {
-        println!("clearance          {clearance:.6} between members, certified for the motion");
+        say!("clearance          {clearance:.6} between members, certified for the motion");
     }
     for (label, figure) in [
         ("  least sampled", check.least_distance),
@@ -426,33 +430,33 @@ pub fn print_check(check: &WalkCheck, walk: &Walk) {
     ] {
         if let Some(figure) = figure {
             // Adding zero turns a negative zero into a positive one.
-            println!("{label:<18} {:.3e}", figure + 0.0);
+            say!("{label:<18} {:.3e}", figure + 0.0);
         }
     }
-    println!(
+    say!(
         "waypoints          {} of {} visited in order",
         check.visited,
         walk.waypoints.len()
     );
     if check.valid {
-        println!(
+        say!(
             "check              accepted by the independent judge, {} positions sampled",
             check.samples
         );
         return;
     }
     const SHOWN: usize = 10;
-    println!("check              REFUSED by the independent judge");
+    say!("check              REFUSED by the independent judge");
     for fault in check.faults.iter().take(SHOWN) {
-        println!("                   {fault}");
+        say!("                   {fault}");
     }
     if check.num_faults > SHOWN {
-        println!("                   and {} more", check.num_faults - SHOWN);
+        say!("                   and {} more", check.num_faults - SHOWN);
     }
 }
 
 fn print_many(outcomes: &[Outcome]) {
-    println!("  seed  solved  check     planning s    steps    rolls     cost  clearance");
+    say!("  seed  solved  check     planning s    steps    rolls     cost  clearance");
     let mut costs = Vec::new();
     for outcome in outcomes {
         match &outcome.result {
@@ -461,7 +465,7 @@ fn print_many(outcomes: &[Outcome]) {
                 if check.valid {
                     costs.push(statistics.cost);
                 }
-                println!(
+                say!(
                     "{:>6}  {:<6}  {:<8} {:>11.4} {:>8} {:>8} {:>8.3} {:>10}",
                     outcome.seed,
                     if check.valid { "yes" } else { "NO" },
@@ -475,12 +479,12 @@ fn print_many(outcomes: &[Outcome]) {
                         .map_or_else(|| "-".to_owned(), |clearance| format!("{clearance:.4}")),
                 );
             }
-            Err(error) => println!("{:>6}  NO      {error}", outcome.seed),
+            Err(error) => say!("{:>6}  NO      {error}", outcome.seed),
         }
     }
     costs.sort_by(f64::total_cmp);
     if let Some(median) = tensegra::io::quantile(&costs, 0.5) {
-        println!(
+        say!(
             "{} of {} solved; median cost {median:.3}",
             costs.len(),
             outcomes.len()
