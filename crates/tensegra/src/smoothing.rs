@@ -33,7 +33,7 @@ const SAME_TURN: f64 = 1e-3;
 const HOPELESS: f64 = 1.2;
 /// A single plan that is then longer than this multiple of the straight line from start to
 /// goal may be of a poor class.
-const DETOUR: f64 = 1.9;
+const DETOUR: f64 = 1.75;
 /// Plans that such a one is compared with, at most.
 const SECOND_LOOKS: usize = 2;
 /// A path is about as long as on the coarse mesh, up to this factor.
@@ -461,7 +461,7 @@ fn net_turns(structure: &Structure, path: &Path) -> NetTurns {
 /// anything, have efforts that differ much: one plan alone may be of a poor class. Another
 /// one is made in place of each plan that is a fifth longer than the shortest on the
 /// coarse mesh, at most as often as there are plans. A single plan is compared with
-/// two others at most while the shortest is nearly twice as long as the straight
+/// two others at most while the shortest is much longer than the straight
 /// line from start to goal.
 ///
 /// The first seed is the problem's.

@@ -37,6 +37,9 @@ const CUTTING_ROUNDS: usize = 4;
 /// a parabola, and is evaluated once more at its lowest point.
 const OVERSHOT: [f64; 2] = [0.5, -2.0];
 
+/// Iterations end where a step inside the trust region promises less than this multiple of
+/// the optimality asked for, as a fraction of the energy.
+const VAIN: f64 = 1e-2;
 /// Iterations end after so many steps that have lowered the energy by less than this fraction
 /// altogether. On plateaus that lead to lower ground it has been several times as much.
 const STALE: usize = 15;
@@ -259,8 +262,10 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
             let by_energy = self.price * left - self.qp.objective(self.solver.solution());
             let promised = by_energy + self.price * (penalty - left).max(0.0);
             let at_edge = moved > 0.99 * radius;
-            // The promise is of the second order in the reduced gradient.
-            let vain = promised < goal * goal * energy && relaxed.violation == 0.0;
+            // The promise is of the second order in the reduced gradient; at the edge it
+            // may be small because the box is.
+            let least = goal * if at_edge { goal } else { VAIN };
+            let vain = promised < least * energy && relaxed.violation == 0.0;
             relaxed.converged = vain && !at_edge;
             if vain || !(promised > 1e-12 * before) {
                 break;
