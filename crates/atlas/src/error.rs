@@ -38,6 +38,52 @@ pub enum ManifoldError {
         /// Dimension at the second point.
         second: usize,
     },
+    /// A point is not on the manifold.
+    #[error(
+        "it is not on the manifold: equation {equation} has residual {residual:.3e} there; \
+         `project` moves a point onto it"
+    )]
+    NotOnManifold {
+        /// Largest residual.
+        residual: f64,
+        /// Index of the equation with that residual.
+        equation: usize,
+    },
+    /// The manifold has too many or too few of something.
+    #[error("the manifold has {found} {what} instead of {expected}")]
+    WrongCount {
+        /// Of what.
+        what: &'static str,
+        /// Number found.
+        found: usize,
+        /// Number expected.
+        expected: usize,
+    },
+    /// A derivative is not a finite number.
+    #[error("the derivative of equation {equation} by variable {variable} is {value}")]
+    Derivative {
+        /// Index of the equation.
+        equation: usize,
+        /// Index of the variable.
+        variable: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The Jacobian does not agree with differences of the equations.
+    #[error(
+        "the Jacobian states {stated:.6e} for the derivative of equation {equation} by variable \
+         {variable}, and differences give {difference:.6e}"
+    )]
+    WrongDerivative {
+        /// Index of the equation.
+        equation: usize,
+        /// Index of the variable.
+        variable: usize,
+        /// The Jacobian's entry, 0 where its pattern has none.
+        stated: f64,
+        /// The difference quotient.
+        difference: f64,
+    },
     /// A coordinate is not a finite number.
     #[error("coordinate {index} of the point is {value}")]
     NotFinite {

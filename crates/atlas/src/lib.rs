@@ -3,8 +3,8 @@
 //!
 //! Nothing here knows of structures or robots: anything with equations, a
 //! sparse Jacobian and ranges can be explored. Implement [`ImplicitManifold`],
-//! put a point on it with [`project`], ask for its [`dimension`], and build
-//! [`Chart`]s or a whole [`Atlas`].
+//! see that its Jacobian is right with [`check_jacobian`], put a point on it with
+//! [`project`], ask for its [`dimension`], and build [`Chart`]s or a whole [`Atlas`].
 
 mod atlas;
 mod chart;
@@ -12,6 +12,7 @@ mod contacts;
 mod continuation;
 pub mod doc;
 mod error;
+mod input;
 mod manifold;
 mod newton;
 mod packed;
@@ -27,6 +28,7 @@ pub use continuation::{
     Corner, Exploration, OutlinePoint, Route, RouteError, RouteOptions,
 };
 pub use error::ManifoldError;
+pub use input::{check_jacobian, on_manifold};
 pub use manifold::{ImplicitManifold, SparseRow, SparsityPattern};
 pub use newton::{dimension, project};
 pub use packed::PackedPoints;

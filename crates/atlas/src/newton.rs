@@ -102,39 +102,6 @@ pub fn project<M: ImplicitManifold + ?Sized>(
     }
 }
 
-/// Whether `x` is a point of the manifold, to residuals of at most 10⁻⁶.
-///
-/// # Errors
-/// [`ManifoldError`] with the residual or the coordinate that says otherwise.
-pub(crate) fn on_manifold<M: ImplicitManifold + ?Sized>(
-    manifold: &M,
-    x: &[f64],
-) -> Result<(), ManifoldError> {
-    const TOLERANCE: f64 = 1e-6;
-    let m = manifold.ambient_dimension();
-    if x.len() != m {
-        return Err(ManifoldError::WrongLength {
-            found: x.len(),
-            expected: m,
-        });
-    }
-    if let Some((index, &value)) = x.iter().enumerate().find(|(_, v)| !v.is_finite()) {
-        return Err(ManifoldError::NotFinite { index, value });
-    }
-    let mut residual = vec![0.0; manifold.equation_count()];
-    manifold.residual(x, &mut residual);
-    let (equation, residual) = largest(&residual);
-    if residual <= TOLERANCE {
-        Ok(())
-    } else {
-        Err(ManifoldError::NotConverged {
-            residual,
-            iterations: 0,
-            equation,
-        })
-    }
-}
-
 /// The dimension k of the manifold at its point `x`: the number of variables
 /// less the rank of the Jacobian.
 ///

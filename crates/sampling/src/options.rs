@@ -2,6 +2,8 @@
 
 use tensegra_atlas::ChartDomain;
 
+use crate::plan::PlanError;
+
 /// Radius of the ball in a chart's tangent space from which samples are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SampleRadius {
@@ -94,5 +96,28 @@ impl Default for PlannerOptions {
             max_nodes: 250_000,
             time_limit: 600.0,
         }
+    }
+}
+
+impl PlannerOptions {
+    /// Refuses lengths that are not positive: steps of no length never end.
+    pub(crate) fn check(&self) -> Result<(), PlanError> {
+        let sampled = match self.sample_radius {
+            SampleRadius::Fixed(radius) | SampleRadius::Adaptive { largest: radius } => radius,
+        };
+        [
+            ("step", self.step),
+            ("path_step", self.path_step),
+            ("domain.radius", self.domain.radius),
+            ("domain.error", self.domain.error),
+            ("domain.cosine", self.domain.cosine),
+            ("sample_radius", sampled),
+            ("tolerance", self.tolerance),
+        ]
+        .into_iter()
+        .find(|(_, value)| value.is_nan() || *value <= 0.0)
+        .map_or(Ok(()), |(name, value)| {
+            Err(PlanError::Option { name, value })
+        })
     }
 }

@@ -104,6 +104,14 @@ pub enum PlanError {
         /// Figures of the run.
         statistics: Box<Statistics>,
     },
+    /// An option makes no sense.
+    #[error("the option {name} is {value}: give a positive number")]
+    Option {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
     /// Start or goal is not valid by itself.
     #[error("the {which} is not valid: {reason}")]
     InvalidEndpoint {

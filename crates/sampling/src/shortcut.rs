@@ -11,7 +11,7 @@
 use cpu_time::ThreadTime;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use tensegra_atlas::{ImplicitManifold, ManifoldError, Validity, dimension};
+use tensegra_atlas::{ImplicitManifold, ManifoldError, Validity, dimension, on_manifold};
 
 use crate::{tree::squared_distance, walk::Walker};
 
@@ -110,8 +110,8 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Shortcutter<'a, M, V> {
     /// Shortens the valid path through `points`, each on the manifold.
     ///
     /// # Errors
-    /// [`ManifoldError`] where the dimension of the manifold changes between the
-    /// ends of the path.
+    /// [`ManifoldError`] where an end of the path is not on the manifold, or the
+    /// dimension of the manifold changes between them.
     pub fn shorten(&self, points: &[Vec<f64>]) -> Result<Shortened, ManifoldError> {
         let clock = ThreadTime::now();
         let mut path = points.to_vec();
@@ -124,6 +124,9 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Shortcutter<'a, M, V> {
         };
         if path.len() < 3 {
             return Ok(shortened(path, 0, 0));
+        }
+        for end in [0, path.len() - 1] {
+            on_manifold(self.manifold, &path[end])?;
         }
         let k = dimension(self.manifold, &path[0]);
         let at_goal = dimension(self.manifold, &path[path.len() - 1]);

@@ -21,6 +21,7 @@
 use nalgebra::{DMatrix, DVector};
 use tensegra_atlas::{
     Chart, ImplicitManifold, ManifoldError, Obstruction, SparseRow, Validity, Workspace, dimension,
+    on_manifold,
 };
 
 /// Quantities of the points of a manifold that can be moved or held.
@@ -184,7 +185,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity, Q: Quantities> Tracer<'a, M,
     /// `motors` are held, but for those that are moved.
     ///
     /// # Errors
-    /// [`ManifoldError`] where the manifold is singular at the start.
+    /// [`ManifoldError`] where the start is not on the manifold or that is singular there.
     pub fn new(
         manifold: &'a M,
         validity: &'a V,
@@ -194,6 +195,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity, Q: Quantities> Tracer<'a, M,
         start: &[f64],
     ) -> Result<Self, ManifoldError> {
         let mut work = Workspace::default();
+        on_manifold(manifold, start)?;
         let dimension = dimension(manifold, start);
         Chart::new(manifold, start, dimension, &mut work)?;
         let mut memory = validity.memory();

@@ -111,7 +111,7 @@ impl ComponentAtlas {
         let mut atlas = Self::new(dimension, domain);
         let mut work = Workspace::default();
         for (i, (center, radius, parent)) in charts.into_iter().enumerate() {
-            crate::newton::on_manifold(manifold, &center).map_err(|error| (i, error))?;
+            crate::input::on_manifold(manifold, &center).map_err(|error| (i, error))?;
             atlas
                 .insert(manifold, &center, radius, parent, &mut work)
                 .map_err(|error| (i, error))?;

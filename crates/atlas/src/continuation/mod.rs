@@ -105,11 +105,18 @@ pub enum ContinuationError {
     #[error("the start is not valid: {0}")]
     Invalid(String),
     /// The manifold is a point, or has too many dimensions.
-    #[error(
-        "the manifold has dimension {0}: continuation explores dimensions 1 to {MAX_DIMENSION}; \
-         a sampling-based planner does not depend on it"
-    )]
+    #[error("the manifold has dimension {0}: {advice}", advice = advice(*.0))]
     Dimension(usize),
+}
+
+fn advice(dimension: usize) -> String {
+    match dimension {
+        0 => "the start is an isolated point, and there is nothing to explore".to_owned(),
+        _ => format!(
+            "continuation explores dimensions up to {MAX_DIMENSION}; a sampling-based planner does \
+             not depend on it"
+        ),
+    }
 }
 
 /// Largest dimension explored: polytopes start with 2ᵏ vertices.
@@ -171,7 +178,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Continuation<'a, M, V> {
         start: &[f64],
         go_on: &mut dyn FnMut(usize) -> bool,
     ) -> Result<Exploration, ContinuationError> {
-        crate::newton::on_manifold(self.manifold, start)?;
+        crate::input::on_manifold(self.manifold, start)?;
         let k = dimension(self.manifold, start);
         if !(1..=MAX_DIMENSION).contains(&k) {
             return Err(ContinuationError::Dimension(k));

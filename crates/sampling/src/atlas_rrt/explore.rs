@@ -18,9 +18,10 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'_, M, V> {
     /// Returns its nodes, each with the index of its parent.
     ///
     /// # Errors
-    /// [`PlanError`] when the start is not valid.
+    /// [`PlanError`] when an option makes no sense or the start is not valid.
     pub fn explore(&self, start: &[f64], nodes: usize) -> Result<Vec<ExploredNode>, PlanError> {
         let clock = ThreadTime::now();
+        self.options.check()?;
         self.validate("start", start)?;
         let mut planner = AtlasRrt::new(self.manifold, self.validity, self.options.clone());
         planner.options.two_trees = false;

@@ -20,7 +20,7 @@ mod search;
 mod step;
 
 use cpu_time::ThreadTime;
-use tensegra_atlas::{ImplicitManifold, ManifoldError, Validity, dimension};
+use tensegra_atlas::{ImplicitManifold, ManifoldError, Validity, dimension, on_manifold};
 
 use crate::{
     options::PlannerOptions,
@@ -66,8 +66,8 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'a, M, V> {
     /// Plans from `start` to `goal`, points of the manifold.
     ///
     /// # Errors
-    /// [`PlanError`]: an endpoint is not valid, or no path was found within the
-    /// limits of the options.
+    /// [`PlanError`]: an option makes no sense, an endpoint is not valid, or no path was
+    /// found within the limits of the options.
     pub fn plan(
         &self,
         start: &[f64],
@@ -75,6 +75,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'a, M, V> {
         observer: &mut dyn Observer,
     ) -> Result<Plan, PlanError> {
         let clock = ThreadTime::now();
+        self.options.check()?;
         for (which, x) in [("start", start), ("goal", goal)] {
             self.validate(which, x)?;
         }
@@ -116,16 +117,17 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> AtlasRrt<'a, M, V> {
         })
     }
 
-    /// Whether an endpoint is within all bounds and limits, and valid.
+    /// Whether an endpoint is on the manifold, within all bounds and limits, and valid.
     fn validate(&self, which: &'static str, x: &[f64]) -> Result<(), PlanError> {
         let manifold = self.manifold;
+        on_manifold(manifold, x).map_err(|error| PlanError::Manifold { which, error })?;
         let invalid = |reason: String| Err(PlanError::InvalidEndpoint { which, reason });
         for (i, (&value, (&lo, &hi))) in x
             .iter()
             .zip(manifold.lower_bounds().iter().zip(manifold.upper_bounds()))
             .enumerate()
         {
-            if !value.is_finite() || value < lo - ROUNDING || value > hi + ROUNDING {
+            if !(lo - ROUNDING..=hi + ROUNDING).contains(&value) {
                 return invalid(format!(
                     "{} is {value:.6}, outside [{lo:.6}, {hi:.6}]",
                     manifold.variable_name(i)
