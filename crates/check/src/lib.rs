@@ -43,7 +43,7 @@ mod restore;
 mod stability;
 mod statics;
 
-use tensegra_model::{Configuration, Path, Problem};
+use tensegra_model::{Actuation, Configuration, Path, Problem};
 
 use bodies::Bodies;
 use conditions::Conditions;
@@ -153,17 +153,27 @@ fn judge_into(
     let mut statics = Statics::new(problem, options, size);
     let last = configurations.len() - 1;
     let mut stability = Stability::new(structure);
+    // Stiffness is that of motors which keep rest lengths; that of a form is judged with its
+    // other conditions.
+    let keeps_lengths = problem.settings.actuation == Actuation::Length;
+    let demanded = problem.settings.least_stiffness;
+    let demanded = demanded.filter(|_| keeps_lengths && ends != Ends::OfForm);
     for (index, configuration) in configurations.iter().enumerate() {
         if !usable[index] {
             continue;
         }
         let location = Location::Configuration { index };
         statics.judge(configuration, location, ledger);
-        // Eigenvalues of large structures are too dear to be had everywhere.
-        if (stability.is_cheap() || index == 0 || index == last)
+        // Eigenvalues of large structures are too dear to be had everywhere unasked.
+        if (demanded.is_some() || stability.is_cheap() || index == 0 || index == last)
             && let Some(least) = stability.least_stiffness(configuration)
         {
-            ledger.report(Check::Stability, least, location, Subject::None);
+            match demanded {
+                Some(margin) => {
+                    ledger.judge(Check::Stability, least, margin, location, Subject::None);
+                }
+                None => ledger.report(Check::Stability, least, location, Subject::None),
+            }
         }
     }
     let conditions = Conditions {

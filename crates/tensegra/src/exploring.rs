@@ -1,5 +1,7 @@
 //! The atlas of a structure's whole equilibrium component, and paths over it.
 
+use std::collections::BTreeMap;
+
 use cpu_time::ThreadTime;
 use nalgebra::Point3;
 use rand::{RngExt, SeedableRng};
@@ -151,21 +153,26 @@ pub fn explore(
     let exploration =
         Continuation::new(manifold.as_ref(), &free, options).explore(&start, &mut go_on)?;
     let seconds = clock.elapsed().as_secs_f64();
-    let mut borders: Vec<BorderRecord> = exploration
-        .borders
-        .iter()
-        .map(|(&border, &count)| BorderRecord {
-            kind: border_kind(border).to_owned(),
-            name: match border {
-                Border::Contact(contact) => {
-                    let [a, b] = free
-                        .inner()
-                        .bodies(contact)
-                        .map(|body| body_name(problem, body));
-                    format!("{a} and {b}")
-                }
-                other => other.name(manifold.as_ref()),
-            },
+    // The parts of a prismatic strut have one name.
+    let mut counts = BTreeMap::new();
+    for (&border, &count) in &exploration.borders {
+        let name = match border {
+            Border::Contact(contact) => {
+                let [a, b] = free
+                    .inner()
+                    .bodies(contact)
+                    .map(|body| body_name(problem, body));
+                format!("{a} and {b}")
+            }
+            other => other.name(manifold.as_ref()),
+        };
+        *counts.entry((border_kind(border), name)).or_insert(0) += count;
+    }
+    let mut borders: Vec<BorderRecord> = counts
+        .into_iter()
+        .map(|((kind, name), count)| BorderRecord {
+            kind: kind.to_owned(),
+            name,
             count,
         })
         .collect();

@@ -32,6 +32,11 @@ pub fn parse_quantity(structure: &Structure, text: &str) -> Result<Quantity, Qua
         let node = node.ok_or_else(|| wrong(format!("there is no node {name}")))?;
         return Ok(Quantity::Coordinate { node, axis });
     }
+    if !["length", "rest", "force"].contains(&kind) {
+        return Err(wrong(
+            "the kinds are length, rest, force, x, y and z".to_owned(),
+        ));
+    }
     let element = structure.elements.iter().position(|e| e.name == name);
     let element = element.ok_or_else(|| wrong(format!("there is no element {name}")))?;
     let of = &structure.elements[element];
@@ -40,10 +45,7 @@ pub fn parse_quantity(structure: &Structure, text: &str) -> Result<Quantity, Qua
         "rest" if of.rest().is_some() => Ok(Quantity::RestLength(element)),
         "rest" => Err(wrong(format!("{name} has no rest length"))),
         "force" if of.carries_force() => Ok(Quantity::Force(element)),
-        "force" => Err(wrong(format!("{name} carries no force"))),
-        _ => Err(wrong(
-            "the kinds are length, rest, force, x, y and z".to_owned(),
-        )),
+        _ => Err(wrong(format!("{name} carries no force"))),
     }
 }
 
@@ -203,7 +205,7 @@ mod tests {
             ("rest:s", "no rest length"),
             ("length:d", "no element d"),
             ("z:d", "no node d"),
-            ("mass:c", "the kinds are"),
+            ("mass:n", "the kinds are"),
         ] {
             let error = parse(text).unwrap_err().to_string();
             assert!(error.contains(reason) && error.contains(text), "{error}");

@@ -218,6 +218,21 @@ fn a_plan_keeps_to_stable_equilibria() {
     assert!(tensegra::plan(&arch, &mut ()).is_err());
 }
 
+/// The judge refuses what is less stable than demanded.
+#[test]
+fn demanded_stability_is_judged() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let mut kite = Problem::read(&folder.join("kite.toml")).unwrap();
+    let plan = tensegra::plan(&kite, &mut ()).unwrap();
+    let (_, least) = plan.least_stiffness.unwrap();
+    let mut accepted = |margin| {
+        kite.settings.least_stiffness = Some(margin);
+        check_path(&kite, &plan.path, &CheckOptions::default()).ok
+    };
+    assert!(accepted(least * (1.0 - 1e-6)));
+    assert!(!accepted(least * (1.0 + 1e-6)));
+}
+
 /// The planner's stiffness is that of the judge, which is computed another way.
 #[test]
 fn planner_and_judge_agree_about_stiffness() {

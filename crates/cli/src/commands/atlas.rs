@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use tensegra::{
     AtlasError, AtlasPath, AtlasView, Coverage, EquilibriumAtlas, PlanningError, Shade,
     atlas::RouteError,
-    check::{CheckOptions, Report, check_path},
+    check::{Check, CheckOptions, Report, check_path},
     io::{
         LogOptions, PathFile, Quantity, read_atlas_file, write_atlas_file, write_log,
         write_path_file,
@@ -42,8 +42,8 @@ use crate::{failure::Failure, progress::Spinner};
     tensegra atlas --query out/prism/atlas/atlas.json fixtures/prism.toml\n\n\
     Quantities are length:ELEMENT, rest:ELEMENT, force:ELEMENT, x:NODE, y:NODE and z:NODE; a\n\
     colour may also be compression:ELEMENT or energy.\n\n\
-    Exit status: 0 the atlas is complete, and a path asked for is found and accepted by the\n\
-    judge; 1 not; 2 bad input.")]
+    Exit status: 0 the atlas is complete without gaps, and a path asked for is found and\n\
+    accepted by the judge; 1 not; 2 bad input.")]
 pub struct Arguments {
     /// Problem (.toml) or structure (.tens) file: what to explore or, with --query,
     /// from where to where.
@@ -124,7 +124,8 @@ pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
     } else {
         print(&outcome);
     }
-    Ok(answered && (outcome.atlas.complete || arguments.query.is_some()))
+    let covered = outcome.coverage.is_none_or(|c| c.covered == c.points);
+    Ok(answered && covered && (outcome.atlas.complete || arguments.query.is_some()))
 }
 
 fn explore(arguments: &Arguments) -> Result<Outcome, Failure> {
@@ -346,9 +347,14 @@ fn print(outcome: &Outcome) {
     }
     if let Some(coverage) = coverage {
         say!(
-            "coverage           {} of {} points traced at random lie on a chart",
+            "coverage           {} of {} points traced at random lie on a chart{}",
             coverage.covered,
-            coverage.points
+            coverage.points,
+            if coverage.covered < coverage.points {
+                ": there are gaps, build it with another --radius or --error"
+            } else {
+                ""
+            }
         );
     }
     if let Some(area) = area {
@@ -378,6 +384,13 @@ fn print(outcome: &Outcome) {
                 path.tested,
                 path.seconds
             );
+            if let Some(least) = report.figure(Check::Stability) {
+                say!(
+                    "least stiffness    {:.4e} at {}",
+                    least.value,
+                    least.location
+                );
+            }
             if report.ok {
                 say!("check              accepted by the independent judge");
             } else {

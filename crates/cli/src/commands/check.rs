@@ -10,7 +10,7 @@ use tensegra::{
 };
 
 use super::{
-    json_failure, print_json, read_problem,
+    json_failure, keep_demands, print_json, read_problem,
     walk::{check_json, print_check},
 };
 use crate::failure::Failure;
@@ -87,6 +87,7 @@ fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {
     contents
         .check_structure(file, &problem)
         .map_err(Failure::message)?;
+    keep_demands(&contents, &mut problem);
     if contents.open_start {
         (problem.start, problem.start_form) = (None, None);
     }

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use tensegra::{
-    io::Picture,
+    io::{PathFile, Picture},
     model::{self, Problem},
 };
 
@@ -121,6 +121,16 @@ pub fn read_problem(file: &Path) -> Result<Problem, Failure> {
         eprintln!("{notice:#}");
     }
     Ok(problem)
+}
+
+/// Puts the stability that a path was planned to keep into the problem's settings.
+fn keep_demands(path: &PathFile, problem: &mut Problem) {
+    if let Some(margin) = path.parameters["least_stiffness"].as_f64() {
+        problem.settings.least_stiffness = Some(margin);
+    }
+    if path.parameters["actuation"] == "force" {
+        problem.settings.actuation = model::Actuation::Force;
+    }
 }
 
 /// Prints one JSON value on standard output.

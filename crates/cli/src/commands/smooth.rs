@@ -15,8 +15,8 @@ use tensegra::{
 use super::{
     StabilityArguments,
     axes::{parse_axes, three_lengths},
-    json_failure, print_json, print_written, read_problem, require_writable, stiffness_json,
-    stiffness_text, write_picture,
+    json_failure, keep_demands, print_json, print_written, read_problem, require_writable,
+    stiffness_json, stiffness_text, write_picture,
 };
 use crate::{failure::Failure, progress::Spinner};
 
@@ -102,13 +102,7 @@ fn smooth(arguments: &Arguments) -> Result<(Smoothing, Vec<PathBuf>), Failure> {
     contents
         .check_structure(file, &problem)
         .map_err(Failure::message)?;
-    // What the path was planned to keep.
-    if let Some(margin) = contents.parameters["least_stiffness"].as_f64() {
-        problem.settings.least_stiffness = Some(margin);
-    }
-    if contents.parameters["actuation"] == "force" {
-        problem.settings.actuation = model::Actuation::Force;
-    }
+    keep_demands(&contents, &mut problem);
     arguments.stability.apply(&mut problem);
     problem.seed = arguments.seed.unwrap_or(contents.seed);
     let axes = match &arguments.axes {
