@@ -115,7 +115,7 @@ pub fn draw_configuration(
     draw_scenes(&[(title.to_owned(), scene)], &options)
 }
 
-/// Draws start, goal and `between` configurations evenly spread over the way
+/// Draws start, end and `between` configurations evenly spread over the way
 /// between them, in panels of one scale.
 ///
 /// # Errors
@@ -144,7 +144,7 @@ pub fn draw_snapshots(
         .map(|&index| {
             let title = match index {
                 0 => "start".to_owned(),
-                index if index + 1 == parameters.len() => "goal".to_owned(),
+                index if index + 1 == parameters.len() => "end".to_owned(),
                 _ => format!("{:.0} % of the way", 100.0 * parameters[index]),
             };
             let configuration = &path.configurations[index];
@@ -247,7 +247,7 @@ fn draw_elements(
         });
     }
     let steady = steady(structure, &mut lines);
-    let position = Axis::new("position along the path, from start to goal").range(0.0, 1.0);
+    let position = Axis::new("position along the path, from start to end").range(0.0, 1.0);
     let mut chart = Chart::new(position, axis).size(560.0, 340.0);
     let looks = looks(structure, &lines);
     for (line, look) in lines.iter().zip(looks) {
