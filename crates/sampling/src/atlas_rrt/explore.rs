@@ -3,11 +3,12 @@
 use cpu_time::ThreadTime;
 use tensegra_atlas::{ImplicitManifold, Validity, dimension};
 
-use super::{
-    AtlasRrt,
-    search::{FRUITLESS, Search},
-};
+use super::{AtlasRrt, search::Search};
 use crate::plan::PlanError;
+
+/// Branches in a row without a node after which a tree counts as full. Without a goal
+/// there is no narrow passage that must be found.
+const FRUITLESS: usize = 5_000;
 
 /// A point of the manifold, and the index of the node that it was reached from.
 pub type ExploredNode = (Vec<f64>, Option<usize>);
