@@ -322,6 +322,14 @@ fn tracing_says_whether_and_why_it_stops() {
     let output = trace("arch.toml", &["--move", "s1:rest=1"]);
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(json(&output)["stop"], "fold");
+    // A trace can be smoothed: it has no goal.
+    let smooth = folder.path().join("smooth");
+    let flags = ["--json", "--out"].map(AsRef::as_ref);
+    let [verb, path] = ["smooth".as_ref(), path.as_os_str()];
+    let output = tensegra([verb, path, flags[0], flags[1], smooth.as_os_str()]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let again = tensegra(["check".as_ref(), smooth.join("path.json").as_os_str()]);
+    assert_eq!(again.status.code(), Some(0));
     // A structure all of whose rest lengths are constant.
     let output = trace("prism.toml", &["--move", "s1:length=1.1"]);
     assert_eq!(output.status.code(), Some(0));

@@ -88,12 +88,6 @@ fn judge(file: &Path, problem: Option<&Path>) -> Result<Report, Failure> {
         .check_structure(file, &problem)
         .map_err(Failure::message)?;
     keep_demands(&contents, &mut problem);
-    if contents.open_start {
-        (problem.start, problem.start_form) = (None, None);
-    }
-    if contents.open_end {
-        (problem.goal, problem.goal_form) = (None, None);
-    }
     let options = CheckOptions::default();
     // A path file has at least one configuration.
     Ok(match contents.path.configurations.as_slice() {

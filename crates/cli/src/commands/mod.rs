@@ -123,13 +123,20 @@ pub fn read_problem(file: &Path) -> Result<Problem, Failure> {
     Ok(problem)
 }
 
-/// Puts the stability that a path was planned to keep into the problem's settings.
+/// Puts the stability that a path was planned to keep into the problem's settings, and
+/// takes from the problem the ends that the path does not have.
 fn keep_demands(path: &PathFile, problem: &mut Problem) {
     if let Some(margin) = path.parameters["least_stiffness"].as_f64() {
         problem.settings.least_stiffness = Some(margin);
     }
     if path.parameters["actuation"] == "force" {
         problem.settings.actuation = model::Actuation::Force;
+    }
+    if path.open_start {
+        (problem.start, problem.start_form) = (None, None);
+    }
+    if path.open_end {
+        (problem.goal, problem.goal_form) = (None, None);
     }
 }
 

@@ -119,14 +119,14 @@ fn smooth(arguments: &Arguments) -> Result<(Smoothing, Vec<PathBuf>), Failure> {
     let smoothing = tensegra::smooth(&problem, &contents.path, &options, &mut spinner);
     drop(spinner);
     let smoothing = smoothing.map_err(Failure::message)?;
-    let files = write(&problem, &contents.path, &smoothing, axes, &out)?;
+    let files = write(&problem, &contents, &smoothing, axes, &out)?;
     Ok((smoothing, files))
 }
 
 /// Writes path, log and pictures; returns their names, the path first.
 fn write(
     problem: &Problem,
-    before: &model::Path,
+    before: &PathFile,
     smoothing: &Smoothing,
     axes: Option<[Quantity; 3]>,
     folder: &Path,
@@ -135,6 +135,7 @@ fn write(
     let path = &smoothing.path;
     let mut contents = PathFile::new(problem, path.clone());
     contents.formulation = "directions".to_owned();
+    (contents.open_start, contents.open_end) = (before.open_start, before.open_end);
     contents.statistics = json!({});
     add_json(&mut contents.statistics, smoothing);
     contents.check = json!(smoothing.report);
@@ -149,7 +150,7 @@ fn write(
         ("forces", draw_forces(structure, path, &units)),
     ];
     if let Some(axes) = axes {
-        pictures.insert(0, draw_before_and_after(problem, before, path, axes));
+        pictures.insert(0, draw_before_and_after(problem, &before.path, path, axes));
     }
     for (name, picture) in pictures {
         write_picture(
