@@ -37,8 +37,8 @@ impl Default for ShortcutOptions {
         Self {
             seed: 1,
             step: 0.05,
-            max_attempts: 80,
-            patience: 25,
+            max_attempts: 40,
+            patience: 10,
         }
     }
 }

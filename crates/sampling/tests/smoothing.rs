@@ -204,6 +204,8 @@ fn a_draft_tells_the_length_and_is_refined_like_the_path() {
     let smoother = Smoother::new(&sphere, &ball, SmootherOptions::default());
     let draft = smoother.draft(&path, &mut ()).unwrap();
     let (length, iterations) = (draft.length(), draft.iterations());
+    let depth = smoother.depth(&draft);
+    assert!(depth < 0.01, "{depth}");
     let refined = smoother.refine(draft, &mut ()).unwrap();
     assert!(iterations > 0 && iterations < refined.iterations);
     assert!((length - refined.length).abs() < 0.02 * refined.length);

@@ -37,7 +37,7 @@ const DETOUR: f64 = 1.75;
 /// Plans that such a one is compared with, at most.
 const SECOND_LOOKS: usize = 2;
 /// A path is about as long as on the coarse mesh, up to this factor.
-const DRAFT_ERROR: f64 = 1.03;
+const DRAFT_ERROR: f64 = 1.05;
 /// Attempts to smooth with ever wider margins.
 const ATTEMPTS: usize = 4;
 /// Factor from one attempt's margins to the next one's.
@@ -142,6 +142,8 @@ struct Drafted {
     draft: Result<Draft, SmoothError>,
     /// Length of the draft, or after the shortcuts where there is none.
     length: f64,
+    /// How deep the draft cuts into obstacles.
+    depth: f64,
     /// Distance between start and goal.
     straight: f64,
     seconds: f64,
@@ -223,15 +225,15 @@ impl<'m> Ground<'m> {
             .max_displacement(self.max_displacement)
             .shorten(&self.points)
             .map_err(|error| SmoothError::Manifold { index: 0, error })?;
-        let draft = self
-            .smoother(options.smoother.clone())
-            .draft(&shortened.points, observer);
+        let smoother = self.smoother(options.smoother.clone());
+        let draft = smoother.draft(&shortened.points, observer);
         if let Err(SmoothError::Cancelled) = draft {
             return Err(SmoothError::Cancelled.into());
         }
         let ends = [&self.points[0], &self.points[self.points.len() - 1]];
         Ok(Drafted {
             length: draft.as_ref().map_or(shortened.length, Draft::length),
+            depth: draft.as_ref().map_or(0.0, |draft| smoother.depth(draft)),
             straight: self.manifold.path_length(&ends),
             shortened,
             draft,
@@ -452,8 +454,8 @@ fn net_turns(structure: &Structure, path: &Path) -> NetTurns {
 }
 
 /// Plans `plans` times with different seeds, smooths every path on a coarse mesh, which
-/// tells how long it will be, and the shortest to the end; also the next one where that
-/// came out longer than expected. Each time it plans anew, at most eight times,
+/// tells how long it will be, and the shortest to the end, or one about as short that cuts
+/// less deep into obstacles; also the next one where that came out longer than expected. Each time it plans anew, at most eight times,
 /// while an element of the path turns the long way round, and goes on with the path
 /// whose elements turn least.
 ///
@@ -525,7 +527,19 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
             }
         }
     }
-    candidates.sort_by(|a, b| a.drafted.length.total_cmp(&b.drafted.length));
+    // A draft may be short because it jumps over obstacles.
+    let shortest = shortest(&candidates);
+    candidates.sort_by(|a, b| {
+        let rank = |Drafted { length, depth, .. }: &Drafted| {
+            if *length <= DRAFT_ERROR * shortest {
+                (0.0, *depth)
+            } else {
+                (*length, 0.0)
+            }
+        };
+        let [(a, deep_a), (b, deep_b)] = [rank(&a.drafted), rank(&b.drafted)];
+        a.total_cmp(&b).then(deep_a.total_cmp(&deep_b))
+    });
     let mut efforts = vec![None; draft_lengths.len()];
     let mut best: Option<(Plan, Smoothing)> = None;
     for candidate in candidates {
@@ -583,16 +597,22 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
 
 /// How many of some plans may be of the best class.
 fn promising(candidates: &[Candidate], plans: usize) -> usize {
-    let drafts = candidates.iter().map(|candidate| &candidate.drafted);
-    let shortest = drafts
-        .clone()
-        .fold(f64::INFINITY, |least, draft| least.min(draft.length));
-    drafts
+    let shortest = shortest(candidates);
+    candidates
+        .iter()
+        .map(|candidate| &candidate.drafted)
         .filter(|draft| {
             draft.length <= HOPELESS * shortest
                 && (plans > 1 || draft.length <= DETOUR * draft.straight)
         })
         .count()
+}
+
+/// Length of the shortest draft.
+fn shortest(candidates: &[Candidate]) -> f64 {
+    candidates.iter().fold(f64::INFINITY, |least, candidate| {
+        least.min(candidate.drafted.length)
+    })
 }
 
 /// [`Ground::draft`] of a path.

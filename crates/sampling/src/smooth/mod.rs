@@ -327,6 +327,20 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Smoother<'a, M, V> {
         })
     }
 
+    /// How deep a draft cuts into obstacles at quarters of its segments, at most: much where
+    /// it jumps over one. Cost: the contacts at four places a segment.
+    pub fn depth(&self, draft: &Draft) -> f64 {
+        let price = Some(draft.price);
+        Relaxation::new(
+            self.manifold,
+            self.validity,
+            &self.options,
+            &draft.chain,
+            price,
+        )
+        .depth(&draft.chain)
+    }
+
     /// Smooths a draft on fine meshes.
     ///
     /// # Errors

@@ -168,6 +168,15 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Relaxation<'a, M, V> {
         self.finder.widen_margin();
     }
 
+    /// Largest violation of an inequality at the chain's points and at quarters of its
+    /// segments, margins left aside.
+    pub(super) fn depth(&mut self, chain: &Chain) -> f64 {
+        let mut chain = chain.clone();
+        chain.fractions.fill(3);
+        self.finder.find(&chain, &chain.points, 0.0, &mut self.rows);
+        self.rows.violation()
+    }
+
     /// The segments of the chain that are not clear.
     pub(super) fn blocked(&mut self, chain: &Chain) -> Vec<usize> {
         (0..chain.segments())
