@@ -60,7 +60,7 @@ pub struct Arguments {
     planner: Option<Planner>,
     /// Radius from which samples are drawn around a chart's centre: a number,
     /// `adaptive` (a radius for each chart), or `automatic` [default: the problem's].
-    #[arg(long, value_name = "R", value_parser = parse_radius)]
+    #[arg(long, value_name = "R", value_parser = parse_radius, allow_negative_numbers = true)]
     sampling_radius: Option<SamplingRadius>,
     /// How the node nearest to a sample is found: all ways find the same one
     /// [default: the problem's].
