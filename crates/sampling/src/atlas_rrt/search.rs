@@ -18,6 +18,9 @@ use crate::{
 const DRAWS: usize = 20;
 /// Nodes of a branch that are tried as origin of a connection.
 const CONNECTION_CANDIDATES: usize = 6;
+/// Connections in a row that added no node, after which every second one begins at
+/// a random node.
+const STUCK: usize = 4;
 /// A tree this many times larger than the other one waits.
 const IMBALANCE: usize = 4;
 /// Each attempt may grow this much larger trees than the one before.
@@ -45,6 +48,8 @@ pub(super) struct Search<'p, M: ?Sized, V: Validity> {
     start: Vec<f64>,
     pub(super) goal: Vec<f64>,
     pub(super) goal_chart: usize,
+    /// For each tree, the connections in a row that have added no node to it.
+    stuck: [usize; 2],
     /// Nodes that the present attempt may have.
     attempt_nodes: f64,
     pub(super) random: Pcg64,
@@ -129,6 +134,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             start: start.to_vec(),
             goal: goal.to_vec(),
             goal_chart,
+            stuck: [0; 2],
             attempt_nodes: planner.options.restart_nodes as f64,
             random: Pcg64::seed_from_u64(planner.options.seed),
             statistics: Statistics::default(),
@@ -167,6 +173,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             self.statistics.restarts += 1;
             (self.atlas, self.trees, self.goal_chart) = (atlas, trees, goal_chart);
             self.radii.clear();
+            self.stuck = [0; 2];
         }
         self.attempt_nodes *= ATTEMPT_GROWTH;
     }
@@ -270,7 +277,9 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         }
     }
 
-    /// Draws a point near the atlas of a tree into `x`; returns the chart.
+    /// Draws a point near the atlas of a tree into `x`, within the bounds of the
+    /// variables: those far outside would pull branches to the limits and nowhere
+    /// else. Returns the chart.
     pub(super) fn sample(&mut self, tree: usize, x: &mut [f64]) -> usize {
         let k = self.atlas.dimension();
         let mut chart = 0;
@@ -297,6 +306,11 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             }
         }
         self.atlas.chart(chart).tangent_point(&self.wanted, x);
+        let manifold = self.planner.manifold;
+        let bounds = manifold.lower_bounds().iter().zip(manifold.upper_bounds());
+        for (x, (&lower, &upper)) in x.iter_mut().zip(bounds) {
+            *x = x.max(lower).min(upper);
+        }
         chart
     }
 
@@ -340,15 +354,80 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
             target.resize(self.goal.len(), 0.0);
             return goal.reached.then_some((goal.last, 0));
         }
+        let other = 1 - tree;
+        // Nodes pressed against an obstacle are the nearest to all that lies behind
+        // it, and lead nowhere.
+        let elsewhere = self.stuck[other] >= STUCK && self.stuck[other].is_multiple_of(2);
+        let origin = if elsewhere {
+            self.random.random_range(0..self.trees[other].len())
+        } else {
+            near
+        };
         target.copy_from_slice(self.trees[tree].point(node));
         let goal = std::mem::take(target);
-        let connection = self.extend(1 - tree, near, &goal, true);
+        let connection = self.extend(other, origin, &goal, true);
         *target = goal;
+        if elsewhere || connection.first == connection.last {
+            self.stuck[other] += 1;
+        } else {
+            self.stuck[other] = 0;
+        }
         let meeting = if tree == 0 {
             (node, connection.last)
         } else {
             (connection.last, node)
         };
         connection.reached.then_some(meeting)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::PlannerOptions;
+    use tensegra_atlas::{Everywhere, SparsityPattern, doc::Sphere};
+
+    /// The unit sphere with z in [-0.5, 0.5].
+    struct Belt(Sphere);
+
+    impl ImplicitManifold for Belt {
+        fn ambient_dimension(&self) -> usize {
+            self.0.ambient_dimension()
+        }
+        fn equation_count(&self) -> usize {
+            self.0.equation_count()
+        }
+        fn residual(&self, x: &[f64], residual: &mut [f64]) {
+            self.0.residual(x, residual);
+        }
+        fn jacobian_pattern(&self) -> &SparsityPattern {
+            self.0.jacobian_pattern()
+        }
+        fn jacobian(&self, x: &[f64], values: &mut [f64]) {
+            self.0.jacobian(x, values);
+        }
+        fn lower_bounds(&self) -> &[f64] {
+            &[f64::NEG_INFINITY, f64::NEG_INFINITY, -0.5]
+        }
+        fn upper_bounds(&self) -> &[f64] {
+            &[f64::INFINITY, f64::INFINITY, 0.5]
+        }
+    }
+
+    #[test]
+    fn samples_reach_far_but_not_out_of_bounds() {
+        let belt = Belt(Sphere::new());
+        let planner = AtlasRrt::new(&belt, &Everywhere, PlannerOptions::default());
+        let start = [1.0, 0.0, 0.0];
+        let mut search = Search::new(&planner, 2, &start, &start).unwrap();
+        let mut x = [0.0; 3];
+        let (mut far, mut at_bound) = (0, 0);
+        for _ in 0..100 {
+            search.sample(0, &mut x);
+            assert!(x[2].abs() <= 0.5);
+            far += usize::from(x[1].abs() > 1.0);
+            at_bound += usize::from(x[2].abs() == 0.5);
+        }
+        assert!(far > 50 && at_bound > 50, "{far} {at_bound}");
     }
 }
