@@ -137,6 +137,25 @@ fn equations_stated_twice_give_the_same_atlas() {
     assert!((area / area_and_euler_characteristic(&once, &a).0 - 1.0).abs() < 0.01);
 }
 
+#[test]
+fn radii_shrink_until_charts_are_as_accurate_as_asked() {
+    let (sphere, torus) = (Sphere::new(), Torus::new(1.0, 0.4));
+    for (radius, error) in [(5.0, 0.05), (0.5, 0.01)] {
+        let mut options = options(radius);
+        options.domain.error = error;
+        let on_sphere = Continuation::new(&sphere, &Everywhere, options)
+            .explore(&[0.0, 0.0, 1.0], &mut |_| true)
+            .unwrap();
+        let on_torus = Continuation::new(&torus, &Everywhere, options)
+            .explore(&torus.point(0.0, 0.0), &mut |_| true)
+            .unwrap();
+        assert!(on_sphere.complete && on_sphere.borders.is_empty());
+        assert!(on_torus.complete && on_torus.borders.is_empty());
+        assert!(uncovered(&sphere, &Everywhere, &on_sphere.atlas, 2000).is_empty());
+        assert!(uncovered(&torus, &Everywhere, &on_torus.atlas, 2000).is_empty());
+    }
+}
+
 /// The unit sphere between two heights: a bound of a variable and a limit.
 struct Belt(Sphere);
 

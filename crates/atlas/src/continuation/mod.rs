@@ -59,7 +59,7 @@ const ROUGH: f64 = 1e-5;
 const CLOSER: usize = 4;
 /// A radius shrinks by this factor.
 const SHRINK: f64 = 0.7;
-/// Radii do not shrink below this fraction of ρ.
+/// Radii do not shrink below this fraction of ρ, or ε where that is less.
 const LEAST_RADIUS: f64 = 0.1;
 /// A chart's first radius is at most this multiple of that of its parent.
 const GROWTH: f64 = 1.3;
@@ -292,8 +292,45 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
                 }
                 self.advance(chart, vertex);
             }
+            if self.bends_within(chart) {
+                self.shrink(chart);
+                self.enqueue(chart);
+            }
         }
         true
+    }
+
+    /// Whether the manifold leaves the tangent space of a chart by more than ε at a
+    /// corner of its cell within its radius, where no direction was looked in.
+    fn bends_within(&mut self, chart: usize) -> bool {
+        let manifold = self.continuation.manifold;
+        let error = self.continuation.options.domain.error;
+        if !self.can_shrink(chart) {
+            return false;
+        }
+        let Self {
+            atlas, there, work, ..
+        } = self;
+        let (here, x) = (atlas.chart(chart), there);
+        let vertices = atlas.cell(chart).vertices().iter();
+        vertices.filter(|v| !atlas.is_exterior(chart, v)).any(|v| {
+            here.exp(manifold, &v.point, x, ROUGH, work).is_ok()
+                && squared_distance(x, here.center()) - dot(&v.point, &v.point) > error.powi(2)
+                && broken_limit(manifold, x).is_none()
+        })
+    }
+
+    fn can_shrink(&self, chart: usize) -> bool {
+        let domain = &self.continuation.options.domain;
+        let least = (LEAST_RADIUS * domain.radius).min(domain.error);
+        SHRINK * self.atlas.radius(chart) >= least
+    }
+
+    /// Gives a chart a smaller radius; those around it may have to reach farther.
+    fn shrink(&mut self, chart: usize) {
+        self.atlas.shrink(chart, SHRINK * self.atlas.radius(chart));
+        let around: Vec<usize> = self.atlas.neighbours(chart).collect();
+        around.into_iter().for_each(|j| self.enqueue(j));
     }
 
     /// The farthest vertex of a chart that is outside of its radius and not
@@ -421,12 +458,8 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
             }
             // Elsewhere, the vertex that is nearer will tell.
             Outlook::Poor if is_vertex => {
-                let least = LEAST_RADIUS * self.continuation.options.domain.radius;
-                let radius = SHRINK * self.atlas.radius(chart);
-                if radius >= least {
-                    self.atlas.shrink(chart, radius);
-                    let around: Vec<usize> = self.atlas.neighbours(chart).collect();
-                    around.into_iter().for_each(|j| self.enqueue(j));
+                if self.can_shrink(chart) {
+                    self.shrink(chart);
                     return ControlFlow::Break(());
                 }
                 *reason = Some(Border::Curvature);
