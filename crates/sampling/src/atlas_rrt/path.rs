@@ -2,7 +2,7 @@
 //! rounding, as close to each other as is asked for.
 
 use cpu_time::ThreadTime;
-use tensegra_atlas::{ImplicitManifold, Validity};
+use tensegra_atlas::{ImplicitManifold, Validity, project};
 
 use super::{ROUNDING, search::Search, step::interpolate};
 use crate::{
@@ -20,6 +20,12 @@ const CORRECTIONS: usize = 8;
 const BETWEEN: f64 = 5e-4;
 /// and the motion may stray from the straight line by this fraction of its length.
 const DEVIATION: f64 = 0.05;
+/// Gaps shorter than this fraction of a step, and turns of a smaller cosine, are the
+/// marks of a path that changes from one sheet of the manifold to another.
+const SHORT: f64 = 1.0 / 3.0;
+const TURN: f64 = 0.9;
+/// Newton steps that return to the manifold there.
+const RETURN: usize = 30;
 /// A correction aims this far inside a limit, and this fraction of the violation farther.
 const INSIDE: f64 = 1e-6;
 const OVERSHOOT: f64 = 0.2;
@@ -147,6 +153,41 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
             && deviation <= DEVIATION * DEVIATION * squared_distance(&self.here.x, x)
     }
 
+    /// Whether a short gap to x follows the points at an angle.
+    fn turns_sharply(&self, points: &[Vec<f64>], x: &[f64]) -> bool {
+        let here = &self.here.x;
+        let gap = squared_distance(here, x);
+        let step = self.full_step.min(self.planner.options.path_step);
+        let [.., before, _] = points else {
+            return false;
+        };
+        if gap > (SHORT * step).powi(2) {
+            return false;
+        }
+        let ways = before.iter().zip(here).zip(x);
+        let along: f64 = ways.map(|((b, h), x)| (h - b) * (x - h)).sum();
+        along < TURN * (squared_distance(before, here) * gap).sqrt()
+    }
+
+    /// Where sheets meet, how far the middle strays depends on how it returns to the
+    /// manifold: puts into `next` the one found by Newton's method, if that strays
+    /// farther. Whether there is one, within the limits.
+    fn take_other_middle(&mut self, x: &[f64]) -> bool {
+        let manifold = self.planner.manifold;
+        let ends = self.here.x.iter().zip(x);
+        let straight: Vec<f64> = ends.map(|(a, b)| 0.5 * (a + b)).collect();
+        let mut other = straight.clone();
+        if project(manifold, &mut other, self.planner.options.tolerance, RETURN).is_err() {
+            return false;
+        }
+        if squared_distance(&other, &straight) > squared_distance(&self.next.x, &straight) {
+            self.next.x.copy_from_slice(&other);
+        }
+        self.violated.clear();
+        self.find_violated_limits(BETWEEN);
+        self.violated.is_empty()
+    }
+
     /// Whether the step from `here` to x, whose middle is in `next`, is valid for
     /// whoever knows its ends alone.
     fn is_robust(&mut self, chart: usize, x: &[f64]) -> bool {
@@ -188,6 +229,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         if squared_distance(&self.here.x, &x) <= resolution * resolution
             && planner.validity.displacement(&self.here.x, &x) <= planner.max_displacement
             && self.is_nearly_straight(chart, &x)
+            && (!self.turns_sharply(points, &x) || self.take_other_middle(&x))
             && self.is_robust(chart, &x)
         {
             self.here.x.copy_from_slice(&x);
