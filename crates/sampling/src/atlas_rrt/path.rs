@@ -170,14 +170,15 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     }
 
     /// Where sheets meet, how far the middle strays depends on how it returns to the
-    /// manifold: puts into `next` the one found by Newton's method, if that strays
-    /// farther. Whether there is one, within the limits.
+    /// manifold, and the equations nearly hold far from it: puts into `next` the one
+    /// found by Newton's method to the last digit, if that strays farther. Whether there
+    /// is one, within the limits.
     fn take_other_middle(&mut self, x: &[f64]) -> bool {
         let manifold = self.planner.manifold;
         let ends = self.here.x.iter().zip(x);
         let straight: Vec<f64> = ends.map(|(a, b)| 0.5 * (a + b)).collect();
         let mut other = straight.clone();
-        if project(manifold, &mut other, self.planner.options.tolerance, RETURN).is_err() {
+        if project(manifold, &mut other, FINAL_TOLERANCE, RETURN).is_err() {
             return false;
         }
         if squared_distance(&other, &straight) > squared_distance(&self.next.x, &straight) {
