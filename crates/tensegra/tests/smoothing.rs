@@ -67,7 +67,7 @@ fn plans_whose_elements_turn_the_long_way_round_are_replaced() {
     let mut tower = Problem::read(&folder.join("tower.toml")).unwrap();
     // The first plan of this seed turns a cable by a whole turn: its class costs
     // twice as much.
-    tower.seed = 2;
+    tower.seed = 1;
     let options = SmoothingOptions::of(&tower);
     let found = tensegra::plan_and_smooth(&tower, 1, &options, &mut ()).unwrap();
     assert!(found.smoothing.report.ok && found.smoothing.converged);
@@ -81,7 +81,7 @@ fn plans_of_poor_classes_are_compared_with_others() {
     let mut tower = Problem::read(&folder.join("tower.toml")).unwrap();
     // The first path of this seed gets caught, with no element turned: it would be nearly
     // twice as long.
-    tower.seed = 51;
+    tower.seed = 23;
     let options = SmoothingOptions::of(&tower);
     let found = tensegra::plan_and_smooth(&tower, 1, &options, &mut ()).unwrap();
     let lengths: Vec<f64> = found.draft_lengths.iter().copied().flatten().collect();
