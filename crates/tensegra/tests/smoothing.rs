@@ -81,7 +81,7 @@ fn plans_of_poor_classes_are_compared_with_others() {
     let mut tower = Problem::read(&folder.join("tower.toml")).unwrap();
     // The first path of this seed gets caught, with no element turned: it would be nearly
     // twice as long.
-    tower.seed = 23;
+    tower.seed = 58;
     let options = SmoothingOptions::of(&tower);
     let found = tensegra::plan_and_smooth(&tower, 1, &options, &mut ()).unwrap();
     let lengths: Vec<f64> = found.draft_lengths.iter().copied().flatten().collect();

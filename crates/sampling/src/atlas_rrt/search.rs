@@ -20,7 +20,7 @@ const DRAWS: usize = 20;
 const CONNECTION_CANDIDATES: usize = 6;
 /// Connections in a row that added no node, after which every second one begins at
 /// a random node.
-const STUCK: usize = 4;
+const STUCK: usize = 16;
 /// A tree this many times larger than the other one waits.
 const IMBALANCE: usize = 4;
 /// Each attempt may grow this much larger trees than the one before.
