@@ -42,14 +42,40 @@ impl Default for ChartDomain {
 
 /// A half-space of tangent coordinates, tᵀ normal ≤ offset, beyond which the
 /// neighbour's chart takes over.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Cut {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cut<'a> {
     /// The neighbour's centre in tangent coordinates, t_j.
-    pub normal: Vec<f64>,
+    pub normal: &'a [f64],
     /// |t_j|² / 2, and a little more where the manifold bends.
     pub offset: f64,
     /// The neighbour.
     pub neighbour: usize,
+}
+
+/// The half-spaces of one chart, one after the other.
+#[derive(Clone, Debug, Default)]
+struct Cuts {
+    normals: Vec<f64>,
+    /// Offset and neighbour of each.
+    ends: Vec<(f64, u32)>,
+}
+
+impl Cuts {
+    fn push(&mut self, cut: &Cut<'_>) {
+        self.normals.extend_from_slice(cut.normal);
+        self.ends.push((cut.offset, cut.neighbour as u32));
+    }
+
+    fn iter(&self, dimension: usize) -> impl ExactSizeIterator<Item = Cut<'_>> {
+        let normals = self.normals.chunks_exact(dimension.max(1));
+        normals
+            .zip(&self.ends)
+            .map(|(normal, &(offset, neighbour))| Cut {
+                normal,
+                offset,
+                neighbour: neighbour as usize,
+            })
+    }
 }
 
 /// A set of charts.
@@ -59,7 +85,7 @@ pub struct Atlas {
     dimension: usize,
     charts: Vec<Chart>,
     centers: PackedPoints,
-    cuts: Vec<Vec<Cut>>,
+    cuts: Vec<Cuts>,
 }
 
 impl Atlas {
@@ -100,8 +126,8 @@ impl Atlas {
     }
 
     /// The half-spaces that bound a chart against its neighbours.
-    pub fn cuts(&self, index: usize) -> &[Cut] {
-        &self.cuts[index]
+    pub fn cuts(&self, index: usize) -> impl ExactSizeIterator<Item = Cut<'_>> {
+        self.cuts[index].iter(self.dimension)
     }
 
     /// Adds a chart at a point of the manifold and cuts its domain and those of
@@ -121,22 +147,26 @@ impl Atlas {
     ) -> Result<usize, ManifoldError> {
         let chart = Chart::new(manifold, center, self.dimension, work)?;
         let index = self.charts.len();
-        let reach = 4.0 * (self.domain.radius.powi(2) + self.domain.error.powi(2));
-        let mut cuts = Vec::new();
+        let reach = 2.0 * self.domain.radius.hypot(self.domain.error);
+        let mut cuts = Cuts::default();
+        let mut normals = vec![0.0; 2 * self.dimension];
+        let (normal, opposite_normal) = normals.split_at_mut(self.dimension);
         if self.is_empty() {
             self.centers = PackedPoints::new(center.len());
         }
-        self.centers.squared_distances(center, &mut work.distances);
-        for (j, &distance) in work.distances.iter().enumerate() {
-            if distance >= reach || distance == 0.0 {
+        self.centers.within(center, reach, &mut work.near);
+        for &(j, distance) in &work.near {
+            if distance == 0.0 {
                 continue;
             }
             let other = &self.charts[j];
-            let cut = self.cut(&chart, other.center(), distance, j);
-            let opposite = self.cut(other, center, distance, index);
+            chart.log(other.center(), normal);
+            other.log(center, opposite_normal);
+            let cut = self.cut(normal, distance, j);
+            let opposite = self.cut(opposite_normal, distance, index);
             if let (Some(cut), Some(opposite)) = (cut, opposite) {
-                cuts.push(cut);
-                self.cuts[j].push(opposite);
+                cuts.push(&cut);
+                self.cuts[j].push(&opposite);
             }
         }
         self.centers.push(center);
@@ -145,14 +175,13 @@ impl Atlas {
         Ok(index)
     }
 
-    /// The half-space that bounds `chart` against a neighbour centred at `center`.
-    fn cut(&self, chart: &Chart, center: &[f64], distance: f64, neighbour: usize) -> Option<Cut> {
-        let mut normal = vec![0.0; self.dimension];
-        chart.log(center, &mut normal);
-        let length = dot(&normal, &normal);
+    /// The half-space that bounds a chart against a neighbour whose centre has the
+    /// tangent coordinates `normal`, unless that is too far.
+    fn cut<'a>(&self, normal: &'a [f64], distance: f64, neighbour: usize) -> Option<Cut<'a>> {
+        let length = dot(normal, normal);
         let near = length < 4.0 * self.domain.radius.powi(2)
             && distance - length <= 4.0 * self.domain.error.powi(2);
-        near.then_some(Cut {
+        near.then(|| Cut {
             offset: bisector(distance, length, self.domain.error),
             normal,
             neighbour,
@@ -161,16 +190,14 @@ impl Atlas {
 
     /// Whether tangent coordinates lie within the half-spaces of a chart.
     pub fn inside_cuts(&self, index: usize, t: &[f64]) -> bool {
-        self.cuts[index]
-            .iter()
-            .all(|cut| dot(&cut.normal, t) <= cut.offset)
+        self.cuts(index).all(|cut| dot(cut.normal, t) <= cut.offset)
     }
 
     /// The neighbour whose half-space the tangent coordinates violate the most.
     pub fn crossed_into(&self, index: usize, t: &[f64]) -> Option<usize> {
         let mut worst = (0.0, None);
-        for cut in &self.cuts[index] {
-            let excess = dot(&cut.normal, t) - cut.offset;
+        for cut in self.cuts(index) {
+            let excess = dot(cut.normal, t) - cut.offset;
             if excess > worst.0 {
                 worst = (excess, Some(cut.neighbour));
             }

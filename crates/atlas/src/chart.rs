@@ -40,8 +40,8 @@ pub struct Workspace {
     jacobian: Vec<f64>,
     newton: Vec<f64>,
     saved: Vec<f64>,
-    /// Distances of charts from a new one.
-    pub(crate) distances: Vec<f64>,
+    /// Charts near a new one, with their squared distances from it.
+    pub(crate) near: Vec<(usize, f64)>,
     /// Chord iterations made so far.
     pub chord_iterations: usize,
     /// Newton iterations made so far.

@@ -2,6 +2,9 @@
 
 use crate::qr::{LANES, vectorised};
 
+/// Coordinates that are looked at first for whether points are near.
+const HEAD: usize = 4;
+
 /// A growing set of points of one dimension, stored so that the distances of four of
 /// them from another point are computed at once.
 ///
@@ -74,16 +77,52 @@ impl PackedPoints {
             || {
                 for (sums, block) in distances.as_chunks_mut::<LANES>().0.iter_mut().zip(blocks) {
                     let mut total = [0.0; LANES];
-                    for (coordinate, &x) in block.iter().zip(x) {
-                        for (sum, &y) in total.iter_mut().zip(coordinate) {
-                            *sum += (y - x) * (y - x);
-                        }
-                    }
+                    add_squares(&mut total, block, x);
                     *sums = total;
                 }
             },
         );
         distances.truncate(self.len);
+    }
+
+    /// Writes the points closer to x than `reach`: index and squared distance.
+    ///
+    /// Points that are too far by their first few coordinates alone cost no more than
+    /// those: for short reaches, a fraction of [`squared_distances`](Self::squared_distances).
+    pub fn within(&self, x: &[f64], reach: f64, found: &mut Vec<(usize, f64)>) {
+        found.clear();
+        let square = reach * reach;
+        let (head, tail) = x.split_at(HEAD.min(x.len()));
+        let blocks = self.blocks.chunks_exact(self.dimension.max(1));
+        vectorised(
+            #[inline(always)]
+            || {
+                for (number, block) in blocks.enumerate() {
+                    let (block_head, block_tail) = block.split_at(head.len());
+                    let mut total = [0.0; LANES];
+                    add_squares(&mut total, block_head, head);
+                    if total.iter().all(|&sum| sum >= square) {
+                        continue;
+                    }
+                    add_squares(&mut total, block_tail, tail);
+                    for (lane, &sum) in total.iter().enumerate() {
+                        if sum < square {
+                            found.push((number * LANES + lane, sum));
+                        }
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// Adds the squared differences of some coordinates, for each point of a block.
+#[inline(always)]
+fn add_squares(total: &mut [f64; LANES], block: &[[f64; LANES]], x: &[f64]) {
+    for (coordinate, &x) in block.iter().zip(x) {
+        for (sum, &y) in total.iter_mut().zip(coordinate) {
+            *sum += (y - x) * (y - x);
+        }
     }
 }
 
@@ -105,6 +144,30 @@ mod tests {
         for (i, distance) in distances.into_iter().enumerate() {
             let square = crate::atlas::squared_distance(&point(i), &x);
             assert!((distance - square).abs() < 1e-12 * square);
+        }
+    }
+
+    #[test]
+    fn near_points_are_those_of_small_distance() {
+        // More coordinates than are looked at first, and fewer.
+        for dimension in [6, 2] {
+            let point = |i: usize| -> Vec<f64> {
+                (0..dimension)
+                    .map(|j| ((i * 7 + j * 3) % 11) as f64)
+                    .collect()
+            };
+            let mut points = PackedPoints::new(dimension);
+            (0..10).for_each(|i| points.push(&point(i)));
+            let x = point(3);
+            let (mut distances, mut near) = (Vec::new(), Vec::new());
+            points.squared_distances(&x, &mut distances);
+            for reach in [0.5, 4.0, 7.0, f64::INFINITY] {
+                points.within(&x, reach, &mut near);
+                let distances = distances.iter().copied().enumerate();
+                let expected: Vec<_> = distances.filter(|(_, d)| *d < reach * reach).collect();
+                assert!(!expected.is_empty());
+                assert_eq!(near, expected);
+            }
         }
     }
 }

@@ -38,7 +38,8 @@ pub enum PlannerKind {
 /// Radius ρ_s of the ball around a chart's centre from which samples are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum SamplingRadius {
-    /// The planner's own choice (the dimension k of the manifold in the paper).
+    /// The planner's own choice: an adaptive one (the dimension k of the manifold in the
+    /// paper).
     #[default]
     Automatic,
     /// A given radius.

@@ -108,8 +108,8 @@ pub(crate) struct ByChart {
     radii: Vec<f64>,
     /// Group of each chart of the atlas, if it has one.
     group_of_chart: Vec<Option<u32>>,
-    /// Scratch: lower bounds of the distances of groups, and distances of members.
-    bounds: Vec<f64>,
+    /// Scratch: squared distances of centres, and of members.
+    squares: Vec<f64>,
     distances: Vec<f64>,
 }
 
@@ -127,7 +127,7 @@ impl ByChart {
             centers: PackedPoints::new(dimension),
             radii: Vec::new(),
             group_of_chart: Vec::new(),
-            bounds: Vec::new(),
+            squares: Vec::new(),
             distances: Vec::new(),
         }
     }
@@ -172,15 +172,11 @@ impl ByChart {
             groups,
             centers,
             radii,
-            bounds,
+            squares,
             distances,
             ..
         } = self;
-        centers.squared_distances(x, bounds);
-        for (bound, radius) in bounds.iter_mut().zip(&*radii) {
-            let distance = (bound.sqrt() - radius).max(0.0);
-            *bound = distance * distance;
-        }
+        centers.squared_distances(x, squares);
         let mut best = (None, reach * reach);
         let mut search = |group: &Group, best: &mut (Option<usize>, f64)| {
             group.points.squared_distances(x, distances);
@@ -190,17 +186,20 @@ impl ByChart {
                 }
             }
         };
-        // The most promising group first: most others are then skipped.
-        let promising = (0..groups.len()).min_by(|&a, &b| bounds[a].total_cmp(&bounds[b]));
-        if let Some(first) = promising
-            && bounds[first] < best.1
-        {
-            search(&groups[first], &mut best);
-            bounds[first] = f64::INFINITY;
+        // The group with the nearest centre first: most others are then skipped.
+        let (mut nearest, mut least) = (0, f64::INFINITY);
+        for (i, &square) in squares.iter().enumerate() {
+            if square < least {
+                (nearest, least) = (i, square);
+            }
         }
-        for (group, &bound) in groups.iter().zip(&*bounds) {
-            if bound < best.1 {
-                search(group, &mut best);
+        let mut reach = reach;
+        let order = std::iter::once(nearest).chain((0..groups.len()).filter(|&i| i != nearest));
+        for i in order {
+            let farthest = reach + radii[i];
+            if squares[i] < farthest * farthest {
+                search(&groups[i], &mut best);
+                reach = best.1.sqrt();
             }
         }
         best.0.map(|node| (node, best.1))

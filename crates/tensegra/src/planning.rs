@@ -320,9 +320,8 @@ fn planner_options(problem: &Problem) -> PlannerOptions {
         cosine: 1.0 - settings.curvature,
     };
     options.sample_radius = match settings.sampling_radius {
-        SamplingRadius::Automatic => options.sample_radius,
+        SamplingRadius::Automatic | SamplingRadius::Adaptive => options.sample_radius,
         SamplingRadius::Fixed(radius) => SampleRadius::Fixed(radius),
-        SamplingRadius::Adaptive => SampleRadius::Adaptive { largest: 6.0 },
     };
     options.neighbours = match settings.neighbours {
         tensegra_model::NeighbourSearch::ByChart => NeighbourSearch::ByChart,

@@ -130,8 +130,8 @@ const VARIANTS: [Variant; 7] = [
         cases: &[],
     },
     Variant {
-        name: "adaptive radius",
-        apply: |settings| settings.sampling_radius = SamplingRadius::Adaptive,
+        name: "fixed radius",
+        apply: |settings| settings.sampling_radius = SamplingRadius::Fixed(6.0),
         cases: &[],
     },
     Variant {

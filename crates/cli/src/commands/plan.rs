@@ -58,8 +58,9 @@ pub struct Arguments {
     /// Planner [default: the problem's].
     #[arg(long, value_enum)]
     planner: Option<Planner>,
-    /// Radius from which samples are drawn around a chart's centre: a number,
-    /// `adaptive` (a radius for each chart), or `automatic` [default: the problem's].
+    /// Radius from which samples are drawn around a chart's centre: a number for all
+    /// charts, `adaptive` (a radius for each chart, which grows with success and shrinks
+    /// with failure), or `automatic`, which is adaptive [default: the problem's].
     #[arg(long, value_name = "R", value_parser = parse_radius, allow_negative_numbers = true)]
     sampling_radius: Option<SamplingRadius>,
     /// How the node nearest to a sample is found: all ways find the same one

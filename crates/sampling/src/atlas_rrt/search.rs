@@ -17,7 +17,7 @@ use crate::{
 /// Draws of a sample before one outside its chart's domain is taken.
 const DRAWS: usize = 20;
 /// Nodes of a branch that are tried as origin of a connection.
-const CONNECTION_CANDIDATES: usize = 6;
+const CONNECTION_CANDIDATES: usize = 3;
 /// Connections in a row that added no node, after which every second one begins at
 /// a random node.
 const STUCK: usize = 16;
