@@ -156,6 +156,8 @@ struct Ground<'m> {
     max_displacement: f64,
     /// The given path.
     points: Vec<Vec<f64>>,
+    /// CPU seconds that it took to put the path here.
+    seconds: f64,
 }
 
 impl<'m> Ground<'m> {
@@ -164,6 +166,7 @@ impl<'m> Ground<'m> {
         manifold: &'m DirectionsManifold,
         path: &Path,
     ) -> Result<Self, SmoothingError> {
+        let clock = ThreadTime::now();
         let structure = &problem.structure;
         let first = path.configurations.first().ok_or(SmoothingError::Empty)?;
         for (index, configuration) in path.configurations.iter().enumerate() {
@@ -200,6 +203,7 @@ impl<'m> Ground<'m> {
             free,
             max_displacement: settings.step * size,
             points,
+            seconds: clock.elapsed().as_secs_f64(),
         })
     }
 
@@ -237,7 +241,7 @@ impl<'m> Ground<'m> {
             straight: self.manifold.path_length(&ends),
             shortened,
             draft,
-            seconds: clock.elapsed().as_secs_f64(),
+            seconds: self.seconds + clock.elapsed().as_secs_f64(),
         })
     }
 
@@ -350,11 +354,9 @@ pub fn smooth(
     options: &SmoothingOptions,
     observer: &mut dyn SmoothObserver,
 ) -> Result<Smoothing, SmoothingError> {
-    let clock = ThreadTime::now();
     let manifold = DirectionsManifold::new(&problem.structure)?;
     let ground = Ground::new(problem, &manifold, path)?;
-    let mut drafted = ground.draft(options, observer)?;
-    drafted.seconds = clock.elapsed().as_secs_f64();
+    let drafted = ground.draft(options, observer)?;
     ground.refine(problem, path, drafted, options, observer)
 }
 
@@ -380,10 +382,11 @@ pub struct SmoothedPlan {
 }
 
 /// A plan of several.
-struct Candidate {
+struct Candidate<'m> {
     /// Which one it is.
     index: usize,
     plan: Plan,
+    ground: Ground<'m>,
     drafted: Drafted,
 }
 
@@ -455,9 +458,9 @@ fn net_turns(structure: &Structure, path: &Path) -> NetTurns {
 
 /// Plans `plans` times with different seeds, smooths every path on a coarse mesh, which
 /// tells how long it will be, and the shortest to the end, or one about as short that cuts
-/// less deep into obstacles; also the next one where that came out longer than expected. Each time it plans anew, at most eight times,
-/// while an element of the path turns the long way round, and goes on with the path
-/// whose elements turn least.
+/// less deep into obstacles; also the next one where that came out longer than expected.
+/// Each time it plans anew, at most eight times, while an element of the path turns the
+/// long way round, and goes on with the path whose elements turn least.
 ///
 /// Paths of different classes, which cannot be deformed into each other without touching
 /// anything, have efforts that differ much: one plan alone may be of a poor class. Another
@@ -481,7 +484,9 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
         1 => 1 + SECOND_LOOKS,
         _ => 2 * plans,
     };
-    let mut candidates: Vec<Candidate> = Vec::new();
+    let manifold =
+        DirectionsManifold::new(&problem.structure).map_err(SmoothingError::Structure)?;
+    let mut candidates: Vec<Candidate<'_>> = Vec::new();
     let mut draft_lengths = Vec::new();
     let mut first_error = None;
     let (mut planning_seconds, mut smoothing_seconds) = (0.0, 0.0);
@@ -499,16 +504,16 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
         let drafted = plan_unwound(&seeded, observer).and_then(|(plan, seconds)| {
             planning_seconds += seconds;
             let clock = ThreadTime::now();
-            let drafted = draft(&seeded, &plan.path, &options, observer);
-            let seconds = clock.elapsed().as_secs_f64();
-            smoothing_seconds += seconds;
-            let drafted = Drafted {
-                seconds,
-                ..drafted?
-            };
+            let drafted = Ground::new(problem, &manifold, &plan.path).and_then(|ground| {
+                let drafted = ground.draft(&options, observer)?;
+                Ok((ground, drafted))
+            });
+            smoothing_seconds += clock.elapsed().as_secs_f64();
+            let (ground, drafted) = drafted?;
             Ok(Candidate {
                 index,
                 plan,
+                ground,
                 drafted,
             })
         });
@@ -546,6 +551,7 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
         let Candidate {
             index,
             mut plan,
+            ground,
             drafted,
         } = candidate;
         let no_better = |(_, found): &(Plan, Smoothing)| {
@@ -556,7 +562,7 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
         }
         let before = drafted.seconds;
         let clock = ThreadTime::now();
-        let smoothing = refine(problem, &plan.path, drafted, options, observer);
+        let smoothing = ground.refine(problem, &plan.path, drafted, options, observer);
         smoothing_seconds += match &smoothing {
             Ok(smoothing) => smoothing.seconds - before,
             Err(_) => clock.elapsed().as_secs_f64(),
@@ -596,7 +602,7 @@ pub fn plan_and_smooth<O: Observer + SmoothObserver>(
 }
 
 /// How many of some plans may be of the best class.
-fn promising(candidates: &[Candidate], plans: usize) -> usize {
+fn promising(candidates: &[Candidate<'_>], plans: usize) -> usize {
     let shortest = shortest(candidates);
     candidates
         .iter()
@@ -609,31 +615,8 @@ fn promising(candidates: &[Candidate], plans: usize) -> usize {
 }
 
 /// Length of the shortest draft.
-fn shortest(candidates: &[Candidate]) -> f64 {
+fn shortest(candidates: &[Candidate<'_>]) -> f64 {
     candidates.iter().fold(f64::INFINITY, |least, candidate| {
         least.min(candidate.drafted.length)
     })
-}
-
-/// [`Ground::draft`] of a path.
-fn draft(
-    problem: &Problem,
-    path: &Path,
-    options: &SmoothingOptions,
-    observer: &mut dyn SmoothObserver,
-) -> Result<Drafted, SmoothingError> {
-    let manifold = DirectionsManifold::new(&problem.structure)?;
-    Ground::new(problem, &manifold, path)?.draft(options, observer)
-}
-
-/// [`Ground::refine`] of a path.
-fn refine(
-    problem: &Problem,
-    path: &Path,
-    drafted: Drafted,
-    options: &SmoothingOptions,
-    observer: &mut dyn SmoothObserver,
-) -> Result<Smoothing, SmoothingError> {
-    let manifold = DirectionsManifold::new(&problem.structure)?;
-    Ground::new(problem, &manifold, path)?.refine(problem, path, drafted, options, observer)
 }

@@ -134,7 +134,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     fn is_nearly_straight(&mut self, chart: usize, x: &[f64]) -> bool {
         let planner = self.planner;
         let (manifold, tolerance) = (planner.manifold, planner.options.tolerance);
-        interpolate(0.5, &self.here.x, x, &mut self.next.x);
+        let straight = middle(&self.here.x, x);
+        self.next.x.copy_from_slice(&straight);
         let chart = self.atlas.chart(chart);
         if chart
             .retract(manifold, &mut self.next.x, tolerance, &mut self.work)
@@ -144,13 +145,9 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         }
         self.violated.clear();
         self.find_violated_limits(BETWEEN);
-        let ends = self.here.x.iter().zip(x);
-        let deviation: f64 = ends
-            .zip(&self.next.x)
-            .map(|((a, b), middle)| (middle - 0.5 * (a + b)).powi(2))
-            .sum();
         self.violated.is_empty()
-            && deviation <= DEVIATION * DEVIATION * squared_distance(&self.here.x, x)
+            && squared_distance(&self.next.x, &straight)
+                <= DEVIATION * DEVIATION * squared_distance(&self.here.x, x)
     }
 
     /// Whether a short gap to x follows the points at an angle.
@@ -175,8 +172,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     /// is one, within the limits.
     fn take_other_middle(&mut self, x: &[f64]) -> bool {
         let manifold = self.planner.manifold;
-        let ends = self.here.x.iter().zip(x);
-        let straight: Vec<f64> = ends.map(|(a, b)| 0.5 * (a + b)).collect();
+        let straight = middle(&self.here.x, x);
         let mut other = straight.clone();
         if project(manifold, &mut other, FINAL_TOLERANCE, RETURN).is_err() {
             return false;
@@ -241,8 +237,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         if halvings == 0 {
             return false;
         }
-        let ends = self.here.x.iter().zip(&x);
-        let mut middle: Vec<f64> = ends.map(|(a, b)| 0.5 * (a + b)).collect();
+        let mut middle = middle(&self.here.x, &x);
         self.settle(&mut middle, chart).is_some()
             && self.refine(points, middle, chart, halvings - 1)
             && self.refine(points, x, chart, halvings - 1)
@@ -254,4 +249,9 @@ fn branch_of(trees: &[Tree], tree: usize, node: usize) -> Vec<NodeOf> {
     std::iter::successors(Some(node), |&node| trees[tree].parent(node))
         .map(|node| NodeOf { tree, node })
         .collect()
+}
+
+/// The point halfway between two.
+fn middle(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect()
 }
