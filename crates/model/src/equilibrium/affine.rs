@@ -7,10 +7,9 @@ pub(super) struct AffineMap {
     offsets: Vec<f64>,
     starts: Vec<usize>,
     entries: Vec<(usize, f64)>,
-    /// The first entry of each row (0 where there is none), and the others with their rows:
-    /// evaluation takes no loop for rows of one entry, which most are.
-    first: Vec<(usize, f64)>,
-    others: Vec<(usize, usize, f64)>,
+    /// The entries with their rows: evaluation takes no loop for each row, as most have
+    /// one entry or none.
+    terms: Vec<(u32, u32, f64)>,
 }
 
 impl AffineMap {
@@ -21,9 +20,8 @@ impl AffineMap {
         };
         for (i, (offset, entries)) in rows.into_iter().enumerate() {
             map.offsets.push(offset);
-            map.first.push(entries.first().copied().unwrap_or((0, 0.0)));
-            let others = entries.iter().skip(1);
-            map.others.extend(others.map(|&(j, c)| (i, j, c)));
+            let terms = entries.iter().map(|&(j, c)| (i as u32, j as u32, c));
+            map.terms.extend(terms);
             map.entries.extend(entries);
             map.starts.push(map.entries.len());
         }
@@ -49,15 +47,9 @@ impl AffineMap {
     /// The values of all rows at z.
     #[inline]
     pub(super) fn values(&self, z: &[f64], values: &mut [f64]) {
-        if z.is_empty() {
-            values.copy_from_slice(&self.offsets);
-            return;
-        }
-        for ((value, offset), &(j, c)) in values.iter_mut().zip(&self.offsets).zip(&self.first) {
-            *value = offset + c * z[j];
-        }
-        for &(i, j, c) in &self.others {
-            values[i] += c * z[j];
+        values.copy_from_slice(&self.offsets);
+        for &(i, j, c) in &self.terms {
+            values[i as usize] += c * z[j as usize];
         }
     }
 
