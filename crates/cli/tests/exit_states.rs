@@ -239,6 +239,20 @@ fn seeds_give_an_array() {
 }
 
 #[test]
+fn seeds_give_an_array_also_where_the_input_is_refused() {
+    for verb in ["plan", "walk"] {
+        let output = tensegra([verb, "no_such_file.toml", "--seeds", "1..2", "--json"]);
+        assert_eq!(output.status.code(), Some(2));
+        let value = json(&output);
+        let [refused] = value.as_array().unwrap().as_slice() else {
+            panic!("{value}");
+        };
+        assert_eq!(refused["solved"], false);
+        assert!(refused["error"].as_str().unwrap().contains("no such file"));
+    }
+}
+
+#[test]
 fn no_plan_within_the_time_is_status_1_with_statistics() {
     let folder = tempfile::tempdir().unwrap();
     let output = tensegra([

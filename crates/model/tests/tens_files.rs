@@ -472,6 +472,10 @@ fn environments_are_validated() {
             "none.off: there is no such file",
         ),
         (
+            "[OBSTACLES] o : body \"none.off\"",
+            "this mesh cannot be read",
+        ),
+        (
             "[ADDONS] p : (0,0,0) a (1,0,0) b (0,1,0) a",
             "it has no shape",
         ),
@@ -495,8 +499,10 @@ fn a_broken_mesh_is_reported_where_it_breaks() {
     fs::write(&path, format!("{STRUT}[OBSTACLES] o : body \"b.off\"")).unwrap();
     fs::write(folder.path().join("b.off"), "OFF\n1 0 0\n0 zero 0\n").unwrap();
     let errors = Problem::read(&path).unwrap_err();
-    assert_eq!(errors.errors().len(), 1);
-    let error = &errors.errors()[0];
+    let [error, named] = errors.errors() else {
+        panic!("{errors}");
+    };
+    assert!(named.path().ends_with("a.tens") && named.excerpt() == Some("\"b.off\""));
     assert!(error.path().ends_with("b.off"));
     assert_eq!(
         (error.position(), error.excerpt()),

@@ -8,10 +8,12 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use tensegra_atlas::{
     BilliardWalk, Border, ChartDomain, ComponentAtlas, Continuation, ContinuationError,
-    ContinuationOptions, ManifoldError, RouteError, RouteOptions, Workspace,
+    ContinuationOptions, ManifoldError, RouteError, RouteOptions, Workspace, project,
 };
 use tensegra_io::{AtlasFile, BorderRecord, ChartRecord};
-use tensegra_model::{EquilibriumManifold, Formulation, FreeSpace, Path, Problem, Stable};
+use tensegra_model::{
+    Configuration, EquilibriumManifold, Formulation, FreeSpace, Path, Problem, Stable,
+};
 use tensegra_sampling::{Observer, Progress};
 
 use crate::{
@@ -23,6 +25,9 @@ use crate::{
     },
 };
 
+/// Residual of a point of the manifold, and iterations to reach it.
+const TOLERANCE: f64 = 1e-10;
+const MAX_ITERATIONS: usize = 30;
 /// Steps between the points that a coverage is measured at, and their length.
 const WALK_STEP: f64 = 0.05;
 
@@ -254,6 +259,17 @@ impl EquilibriumAtlas {
             self.size,
             &[("start", start)],
         )
+    }
+
+    /// The chart in whose domain the equilibrium nearest to a configuration lies; `None`
+    /// where none is near, or it lies on no chart: beyond what is explored, or on another
+    /// component.
+    pub fn covering(&self, configuration: &Configuration) -> Option<usize> {
+        let manifold = self.manifold.as_ref();
+        let mut x = manifold.coordinates(configuration);
+        project(manifold, &mut x, TOLERANCE, MAX_ITERATIONS).ok()?;
+        self.charts
+            .covering(manifold, &x, &mut Workspace::default())
     }
 
     /// A path from the problem's start to its goal by graph search over the

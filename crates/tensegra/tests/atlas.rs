@@ -38,6 +38,14 @@ fn the_component_of_the_symmetric_tower_is_covered() {
     assert_eq!(atlas.dimension(), 2);
     let coverage = atlas.measure_coverage(&problem, 600, 3).unwrap();
     assert_eq!(coverage.covered, coverage.points);
+    // Centres lie on their own charts; the start with another chirality on none.
+    let configurations = atlas.configurations();
+    for (i, configuration) in configurations.iter().enumerate().step_by(10) {
+        assert_eq!(atlas.covering(configuration), Some(i));
+    }
+    let mut mirrored = configurations[0].clone();
+    mirrored.positions.iter_mut().for_each(|p| p.y = -p.y);
+    assert_eq!(atlas.covering(&mirrored), None);
     // It ends where cables go slack and where struts touch.
     let kinds: Vec<&str> = atlas.borders.iter().map(|b| b.kind.as_str()).collect();
     assert!(kinds.contains(&"limit") && kinds.contains(&"contact"));

@@ -19,7 +19,7 @@ use tensegra::{
 use super::{
     Formulation, StabilityArguments,
     axes::{parse_axes, three_lengths},
-    formulation_name, json_failure, parse_seconds, parse_seeds, print_outcomes, print_written,
+    formulation_name, outcomes_failure, parse_seconds, parse_seeds, print_outcomes, print_written,
     read_problem, require_writable,
     smooth::{add_json, draw_before_and_after, print},
     stiffness_json, stiffness_text, write_pictures,
@@ -155,8 +155,9 @@ struct Smoothed {
 
 /// Runs the verb.
 pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
-    let outcomes =
-        plan_all(arguments).map_err(|failure| json_failure(arguments.json, "solved", failure))?;
+    let outcomes = plan_all(arguments).map_err(|failure| {
+        outcomes_failure(arguments.json, arguments.seeds.is_some(), "solved", failure)
+    })?;
     let accepted = |outcome: &Outcome| matches!(&outcome.result, Ok(s) if s.report.ok);
     let success = outcomes.iter().all(accepted);
     match (arguments.json, arguments.seeds.is_some()) {

@@ -17,7 +17,7 @@ use tensegra::{
 };
 
 use super::{
-    json_failure, parse_seconds, parse_seeds, print_outcomes, print_written, require_writable,
+    outcomes_failure, parse_seconds, parse_seeds, print_outcomes, print_written, require_writable,
     write_pictures,
 };
 use crate::{failure::Failure, progress::Spinner};
@@ -114,8 +114,9 @@ struct Planned {
 
 /// Runs the verb.
 pub fn run(arguments: &Arguments) -> Result<bool, Failure> {
-    let outcomes =
-        plan_all(arguments).map_err(|failure| json_failure(arguments.json, "solved", failure))?;
+    let outcomes = plan_all(arguments).map_err(|failure| {
+        outcomes_failure(arguments.json, arguments.seeds.is_some(), "solved", failure)
+    })?;
     match (arguments.json, arguments.seeds.is_some()) {
         (true, many) => print_outcomes(outcomes.iter().map(as_json), many),
         (false, true) => print_many(&outcomes),

@@ -153,7 +153,11 @@ fn shape<'t>(
         Form::Mesh => {
             let value = need(decoder, "file")?;
             let name = decoder.text(value, "the name of an `.off` file")?;
-            meshes.mesh(name, decoder.findings)
+            let shape = meshes.mesh(name, decoder.findings);
+            if shape.is_none() {
+                decoder.error(value.span(), "this mesh cannot be read", None);
+            }
+            shape
         }
     }
 }

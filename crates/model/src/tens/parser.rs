@@ -675,8 +675,13 @@ impl<'a> Parser<'a, '_> {
                 let Token::Text(name) = self.reader.token() else {
                     return Err(self.reader.unexpected("the name of a file in quotes"));
                 };
+                let span = self.reader.span();
                 self.reader.advance();
-                self.meshes.mesh(name, self.reader.findings)
+                let shape = self.meshes.mesh(name, self.reader.findings);
+                if shape.is_none() {
+                    self.reader.error(span, "this mesh cannot be read", None);
+                }
+                shape
             }
         };
         let span = self.reader.since(start);
