@@ -31,14 +31,21 @@ pub fn section(suite: &str, results: &Results) -> String {
 /// What was measured, on what.
 fn provenance() -> String {
     let version = env!("CARGO_PKG_VERSION");
-    let commit = Command::new("git")
-        .args(["describe", "--always", "--dirty", "--abbrev=12"])
-        .current_dir(root())
-        .output()
-        .ok()
-        .filter(|output| output.status.success())
-        .map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
-        .map_or_else(String::new, |commit| format!(" at {commit}"));
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git")
+            .args(arguments)
+            .current_dir(root())
+            .output()
+            .ok()
+            .filter(|output| output.status.success())?;
+        Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    // Pages that suites wrote before this one change nothing that is measured.
+    let changes = git(&["status", "--porcelain", "--", ".", ":(exclude)docs"]);
+    let changed = changes.is_some_and(|changes| !changes.is_empty());
+    let commit = git(&["rev-parse", "--short=12", "HEAD"]).map_or_else(String::new, |commit| {
+        format!(" at {commit}{}", if changed { " with changes" } else { "" })
+    });
     let processor = fs::read_to_string("/proc/cpuinfo")
         .ok()
         .and_then(|text| {
