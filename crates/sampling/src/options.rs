@@ -65,8 +65,8 @@ pub struct PlannerOptions {
     /// Clearance at which a sliding branch aims.
     pub contact_margin: f64,
     /// Tree nodes after which the search starts anew, with a tenth more each time:
-    /// another attempt is often faster than a very unlucky one. With one sampling radius
-    /// for all charts trees go stale earlier, and a tenth of the default is better.
+    /// another attempt may be faster than a very unlucky one, but large trees find
+    /// narrow passages sooner than small ones.
     pub restart_nodes: usize,
     /// Charts, of all attempts, after which planning is given up.
     pub max_charts: usize,
