@@ -187,15 +187,15 @@ impl ByChart {
             }
         };
         // The group with the nearest centre first: most others are then skipped.
-        let (mut nearest, mut least) = (0, f64::INFINITY);
+        let (mut nearest, mut least) = (None, f64::INFINITY);
         for (i, &square) in squares.iter().enumerate() {
             if square < least {
-                (nearest, least) = (i, square);
+                (nearest, least) = (Some(i), square);
             }
         }
         let mut reach = reach;
-        let order = std::iter::once(nearest).chain((0..groups.len()).filter(|&i| i != nearest));
-        for i in order {
+        let others = (0..groups.len()).filter(|&i| Some(i) != nearest);
+        for i in nearest.into_iter().chain(others) {
             let farthest = reach + radii[i];
             if squares[i] < farthest * farthest {
                 search(&groups[i], &mut best);

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use tensegra_atlas::{
     BilliardWalk, Border, ChartDomain, ComponentAtlas, Continuation, ContinuationError,
-    ContinuationOptions, ManifoldError, RouteError, RouteOptions, Workspace, project,
+    ContinuationOptions, ManifoldError, RouteError, RouteOptions, Workspace,
 };
 use tensegra_io::{AtlasFile, BorderRecord, ChartRecord};
 use tensegra_model::{
@@ -25,9 +25,6 @@ use crate::{
     },
 };
 
-/// Residual of a point of the manifold, and iterations to reach it.
-const TOLERANCE: f64 = 1e-10;
-const MAX_ITERATIONS: usize = 30;
 /// Steps between the points that a coverage is measured at, and their length.
 const WALK_STEP: f64 = 0.05;
 
@@ -266,8 +263,7 @@ impl EquilibriumAtlas {
     /// component.
     pub fn covering(&self, configuration: &Configuration) -> Option<usize> {
         let manifold = self.manifold.as_ref();
-        let mut x = manifold.coordinates(configuration);
-        project(manifold, &mut x, TOLERANCE, MAX_ITERATIONS).ok()?;
+        let x = refine(manifold, "configuration", configuration, self.size).ok()?;
         self.charts
             .covering(manifold, &x, &mut Workspace::default())
     }

@@ -158,22 +158,16 @@ fn print_outcomes(outcomes: impl Iterator<Item = serde_json::Value>, many: bool)
 /// Prints the failure as a JSON object on standard output where asked for, and
 /// passes it on.
 pub fn json_failure(json: bool, verdict: &str, failure: Failure) -> Failure {
-    if json {
-        print_json(&failed(verdict, &failure));
-    }
-    failure
+    outcomes_failure(json, false, verdict, failure)
 }
 
 /// [`json_failure`] of a verb that takes many seeds: then an array of one object.
 fn outcomes_failure(json: bool, many: bool, verdict: &str, failure: Failure) -> Failure {
     if json {
-        print_outcomes(std::iter::once(failed(verdict, &failure)), many);
+        let failed = serde_json::json!({ verdict: false, "error": failure.text() });
+        print_outcomes(std::iter::once(failed), many);
     }
     failure
-}
-
-fn failed(verdict: &str, failure: &Failure) -> serde_json::Value {
-    serde_json::json!({ verdict: false, "error": failure.text() })
 }
 
 /// Reads a range of seeds from the command line.
