@@ -17,7 +17,7 @@ mod recenter;
 use crate::{
     error::ManifoldError,
     manifold::{ImplicitManifold, SparseRow, SparsityPattern},
-    qr::{LANES, PivotedQr, axpy, dot, vectorised},
+    qr::{LANES, Lanes, PivotedQr, axpy, blocks, dot, padded_axpy, padded_dot, vectorised},
 };
 
 /// Rank is lost when the last pivot is below this fraction of the first.
@@ -33,8 +33,10 @@ const SURE_CONTRACTION: f64 = 0.1;
 pub struct Workspace {
     pub(crate) qr: PivotedQr,
     residual: Vec<f64>,
-    /// Steps of the current projection, one after the other.
-    steps: Vec<f64>,
+    /// −F on the independent rows, padded.
+    right: Vec<Lanes>,
+    /// Steps of the current projection, one after the other, padded.
+    steps: Vec<Lanes>,
     /// Their squared lengths.
     lengths: Vec<f64>,
     jacobian: Vec<f64>,
@@ -64,21 +66,15 @@ pub struct Chart {
     center: Vec<f64>,
     /// Φ, one tangent vector after the other.
     basis: Vec<f64>,
-    /// Φ, one variable after the other.
-    basis_by_variable: Vec<f64>,
     /// Φᵀ x_c.
     center_along: Vec<f64>,
     dimension: usize,
     /// Independent equations.
     rows: Vec<u32>,
-    /// B, the pseudo-inverse of the independent rows at the centre, one column
-    /// of m values for each of them, padded with zeros to whole [`LANES`] in both
-    /// directions.
-    pseudo_inverse: Vec<f64>,
-    /// B, one row of r values for each variable.
-    pseudo_inverse_by_variable: Vec<f64>,
-    /// Jacobian at the centre, in the order of the manifold's pattern.
-    jacobian: Vec<f64>,
+    /// B, the pseudo-inverse of the independent rows at the centre: for [`LANES`]
+    /// variables after the other, their values in one column after the other; padded
+    /// with zeros to whole [`LANES`] in both directions.
+    pseudo_inverse: Vec<Lanes>,
 }
 
 impl Chart {
@@ -98,10 +94,10 @@ impl Chart {
         let m = manifold.ambient_dimension();
         let pattern = manifold.jacobian_pattern();
         let expected = m - dimension;
-        let mut jacobian = vec![0.0; pattern.len()];
-        manifold.jacobian(center, &mut jacobian);
+        work.jacobian.resize(pattern.len(), 0.0);
+        manifold.jacobian(center, &mut work.jacobian);
         let qr = &mut work.qr;
-        let rank = qr.factorise(pattern, &jacobian, expected, SINGULAR_PIVOT);
+        let rank = qr.factorise(pattern, &work.jacobian, expected, SINGULAR_PIVOT);
         if rank < expected {
             return Err(ManifoldError::Singular {
                 rank,
@@ -109,22 +105,18 @@ impl Chart {
                 pivot_ratio: qr.rest_ratio(),
             });
         }
-        let mut basis_by_variable = Vec::with_capacity(m * dimension);
-        qr.write_null_basis(&mut basis_by_variable);
-        let mut pseudo_inverse_by_variable = Vec::with_capacity(m * rank);
-        qr.write_pseudo_inverse(pattern, &jacobian, &mut pseudo_inverse_by_variable);
-        let basis = transposed(&basis_by_variable, dimension, 1);
+        let mut basis = Vec::with_capacity(m * dimension);
+        qr.write_null_basis(&mut basis);
+        let mut pseudo_inverse = Vec::with_capacity(blocks(m) * blocks(rank) * LANES);
+        qr.write_pseudo_inverse(pattern, &work.jacobian, &mut pseudo_inverse);
         let vectors = basis.chunks_exact(m);
         Ok(Self {
             center: center.to_vec(),
             center_along: vectors.map(|vector| dot(vector, center)).collect(),
             basis,
-            basis_by_variable,
             dimension,
             rows: qr.independent_rows().iter().map(|&r| r as u32).collect(),
-            pseudo_inverse: transposed(&pseudo_inverse_by_variable, rank, LANES),
-            pseudo_inverse_by_variable,
-            jacobian,
+            pseudo_inverse,
         })
     }
 
@@ -150,8 +142,9 @@ impl Chart {
     /// The row of Φ that belongs to one variable (k values): the tangent
     /// coordinates of that variable's gradient.
     #[inline]
-    pub fn variable(&self, variable: usize) -> &[f64] {
-        &self.basis_by_variable[variable * self.dimension..(variable + 1) * self.dimension]
+    pub fn variable(&self, variable: usize) -> impl Iterator<Item = f64> {
+        let row = self.basis.iter().skip(variable);
+        row.step_by(self.center.len()).copied()
     }
 
     /// The multipliers y with Jᵀ y nearest to `w`, J being the Jacobian at the
@@ -159,15 +152,40 @@ impl Chart {
     /// that depend on others (n values). Cost: m r.
     pub fn multipliers(&self, w: &[f64], y: &mut [f64]) {
         y.fill(0.0);
-        let columns = self.pseudo_inverse.chunks_exact(padded(self.center.len()));
-        vectorised(
-            #[inline(always)]
-            || {
-                for (&row, column) in self.rows.iter().zip(columns) {
-                    y[row as usize] = dot(&column[..w.len()], w);
+        for (w, panel) in w.chunks(LANES).zip(self.panels()) {
+            for (&row, b) in self.rows.iter().zip(panel) {
+                y[row as usize] += w.iter().zip(b).map(|(w, b)| w * b).sum::<f64>();
+            }
+        }
+    }
+
+    /// The columns of B for [`LANES`] variables after the other.
+    #[inline(always)]
+    fn panels(&self) -> impl Iterator<Item = &[Lanes]> {
+        let columns = LANES * blocks(self.rows.len());
+        self.pseudo_inverse.chunks_exact(columns.max(1))
+    }
+
+    /// The row of B that belongs to one variable, with its padding.
+    #[inline(always)]
+    fn pseudo_inverse_row(&self, variable: usize) -> impl Iterator<Item = f64> {
+        let columns = LANES * blocks(self.rows.len());
+        let panel = &self.pseudo_inverse[variable / LANES * columns..][..columns];
+        panel.iter().map(move |b| b[variable % LANES])
+    }
+
+    /// y = B f, both padded.
+    #[inline(always)]
+    fn times_pseudo_inverse(&self, f: &[Lanes], y: &mut [Lanes]) {
+        for (y, panel) in y.iter_mut().zip(self.panels()) {
+            let mut sum = [0.0; LANES];
+            for (f, [a, b, c, d]) in f.iter().zip(panel.as_chunks::<LANES>().0) {
+                for i in 0..LANES {
+                    sum[i] += (f[0] * a[i] + f[1] * b[i]) + (f[2] * c[i] + f[3] * d[i]);
                 }
-            },
-        );
+            }
+            *y = sum;
+        }
     }
 
     /// Logarithmic map: tangent coordinates t = Φᵀ (x − x_c). Cost: k m.
@@ -213,8 +231,9 @@ impl Chart {
                 let (normal, multipliers) = scratch.split_at_mut(m);
                 for &(i, g) in gradient.entries() {
                     normal[i] += g;
-                    let row = &self.pseudo_inverse_by_variable[i * r..(i + 1) * r];
-                    axpy(g, row, multipliers);
+                    for (y, b) in multipliers.iter_mut().zip(self.pseudo_inverse_row(i)) {
+                        *y += g * b;
+                    }
                 }
                 for (&row, &multiplier) in self.rows.iter().zip(&*multipliers) {
                     let range = pattern.row_range(row as usize);
@@ -222,12 +241,9 @@ impl Chart {
                         normal[i] -= v * multiplier;
                     }
                 }
-                tangent_gradient.fill(0.0);
-                let rows = self.basis_by_variable.chunks_exact(self.dimension.max(1));
-                for (&g, row) in normal.iter().zip(rows) {
-                    if g != 0.0 {
-                        axpy(g, row, tangent_gradient);
-                    }
+                let vectors = self.basis.chunks_exact(m);
+                for (g, vector) in tangent_gradient.iter_mut().zip(vectors) {
+                    *g = dot(vector, normal);
                 }
             },
         );
@@ -272,18 +288,19 @@ impl Chart {
         let mut poor = 0;
         loop {
             manifold.residual(x, &mut work.residual);
-            let size = self.rows.iter().fold(0.0, |s: f64, &r| {
-                let v = work.residual[r as usize].abs();
-                if v > s || v.is_nan() { v } else { s }
-            });
+            let size = self.independent_residual(work);
+            // The dependent rows hold by themselves near the manifold; where
+            // they do not, x is a point of another set.
+            let all_hold = |work: &Workspace| {
+                let limit = 1e3 * tolerance;
+                work.residual.iter().all(|f| f.abs() <= limit)
+            };
             if size <= tolerance {
-                // The dependent rows hold by themselves near the manifold; where
-                // they do not, x is a point of another set.
-                let all = crate::newton::largest(&work.residual).1;
-                return if all <= 1e3 * tolerance {
+                return if all_hold(work) {
                     Ok(())
                 } else {
-                    Err(ProjectionFailed { residual: all })
+                    let residual = crate::newton::largest(&work.residual).1;
+                    Err(ProjectionFailed { residual })
                 };
             }
             if size.is_nan() || size > 1e3 || size > 2.0 * previous {
@@ -301,7 +318,7 @@ impl Chart {
             let last = previous.is_finite()
                 && contraction < SURE_CONTRACTION
                 && contraction * size <= SURE_CONTRACTION * tolerance
-                && crate::newton::largest(&work.residual).1 <= 1e3 * tolerance;
+                && all_hold(work);
             previous = size;
             if !self.chord_step(x, work) {
                 break;
@@ -314,8 +331,34 @@ impl Chart {
         self.newton(manifold, x, tolerance, work)
     }
 
+    /// Puts −F on the independent rows where the next step takes it from. Returns the
+    /// largest, or NaN where there is one.
+    fn independent_residual(&self, work: &mut Workspace) -> f64 {
+        let Workspace {
+            right, residual, ..
+        } = work;
+        self.clear_right(right);
+        let (mut size, mut sum) = (0.0, 0.0);
+        for (f, &row) in right.as_flattened_mut().iter_mut().zip(&self.rows) {
+            let v = residual[row as usize];
+            *f = -v;
+            sum += v;
+            let v = v.abs();
+            size = if v > size { v } else { size };
+        }
+        if sum.is_nan() { sum } else { size }
+    }
+
+    /// Gives a padded vector of independent rows its length, with zeros as padding.
+    fn clear_right(&self, right: &mut Vec<Lanes>) {
+        right.resize(blocks(self.rows.len()), [0.0; LANES]);
+        if let Some(last) = right.last_mut() {
+            *last = [0.0; LANES];
+        }
+    }
+
     /// One step of Broyden's method from B as approximate inverse (Kelley 1995,
-    /// algorithm `brsol`); F(x) is in the workspace. `false` where the update
+    /// algorithm `brsol`); −F(x) is in the workspace. `false` where the update
     /// breaks down.
     fn chord_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
         vectorised(
@@ -327,36 +370,32 @@ impl Chart {
     #[inline(always)]
     fn broyden_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
         work.chord_iterations += 1;
-        let stride = padded(x.len());
+        let length = blocks(x.len());
         let count = work.lengths.len();
-        if work.steps.len() < (count + 1) * stride {
-            work.steps.resize((count + 1) * stride, 0.0);
+        if work.steps.len() < (count + 1) * length {
+            work.steps.resize((count + 1) * length, [0.0; LANES]);
         }
-        let (before, step) = work.steps.split_at_mut(count * stride);
-        let step = &mut step[..stride];
-        step.fill(0.0);
-        let blocks = self.pseudo_inverse.chunks_exact(LANES * stride);
-        for (rows, columns) in self.rows.chunks(LANES).zip(blocks) {
-            let mut f = [0.0; LANES];
-            for (f, &row) in f.iter_mut().zip(rows) {
-                *f = -work.residual[row as usize];
-            }
-            add_columns(f, columns, step);
-        }
+        let (before, step) = work.steps.split_at_mut(count * length);
+        let step = &mut step[..length];
+        self.times_pseudo_inverse(&work.right, step);
         if let Some(newest) = count.checked_sub(1) {
             for j in 0..newest {
-                let (s, next) = before[j * stride..].split_at(stride);
-                axpy(dot(s, step) / work.lengths[j], &next[..stride], step);
+                let (s, next) = before[j * length..].split_at(length);
+                let factor = padded_dot(s, step) / work.lengths[j];
+                padded_axpy(factor, next, step);
             }
-            let last = &before[newest * stride..];
-            let scale = 1.0 - dot(last, step) / work.lengths[newest];
+            let last = &before[newest * length..];
+            let scale = 1.0 - padded_dot(last, step) / work.lengths[newest];
             if scale.abs() < 0.1 {
                 return false;
             }
-            step.iter_mut().for_each(|s| *s /= scale);
+            let inverse = 1.0 / scale;
+            for s in step.as_flattened_mut() {
+                *s *= inverse;
+            }
         }
-        work.lengths.push(dot(step, step));
-        for (x, s) in x.iter_mut().zip(step.iter()) {
+        work.lengths.push(padded_dot(step, step));
+        for (x, s) in x.iter_mut().zip(step.as_flattened()) {
             *x += s;
         }
         true
@@ -376,6 +415,9 @@ impl Chart {
         let r = self.rows.len();
         let mut previous = f64::INFINITY;
         work.jacobian.resize(pattern.len(), 0.0);
+        self.clear_right(&mut work.right);
+        work.steps
+            .resize(blocks(x.len()).max(work.steps.len()), [0.0; LANES]);
         for _ in 0..=MAX_ITERATIONS {
             manifold.residual(x, &mut work.residual);
             let (_, size) = crate::newton::largest(&work.residual);
@@ -392,8 +434,11 @@ impl Chart {
                 newton: matrix,
                 jacobian,
                 residual,
+                right,
+                steps,
                 ..
             } = work;
+            let step = &mut steps[..blocks(x.len())];
             matrix.clear();
             matrix.resize(r * (r + 1), 0.0);
             let solved = vectorised(
@@ -402,8 +447,9 @@ impl Chart {
                     for (&row, product) in self.rows.iter().zip(matrix.chunks_exact_mut(r + 1)) {
                         let range = pattern.row_range(row as usize);
                         for (&c, &v) in pattern.row(row as usize).iter().zip(&jacobian[range]) {
-                            let row = &self.pseudo_inverse_by_variable[c * r..(c + 1) * r];
-                            axpy(v, row, &mut product[..r]);
+                            for (p, b) in product[..r].iter_mut().zip(self.pseudo_inverse_row(c)) {
+                                *p += v * b;
+                            }
                         }
                         product[r] = residual[row as usize];
                     }
@@ -413,45 +459,20 @@ impl Chart {
             if !solved {
                 break;
             }
-            let columns = self.pseudo_inverse.chunks_exact(padded(x.len()));
-            for (product, column) in matrix.chunks_exact(r + 1).zip(columns) {
-                axpy(-product[r], &column[..x.len()], x);
+            for (f, product) in right
+                .as_flattened_mut()
+                .iter_mut()
+                .zip(matrix.chunks_exact(r + 1))
+            {
+                *f = -product[r];
+            }
+            self.times_pseudo_inverse(right, step);
+            for (x, s) in x.iter_mut().zip(step.as_flattened()) {
+                *x += s;
             }
         }
         Err(ProjectionFailed { residual: previous })
     }
-}
-
-/// Length of a column with its padding.
-#[inline(always)]
-fn padded(length: usize) -> usize {
-    length.next_multiple_of(LANES)
-}
-
-/// y ← y + C f for a few padded columns C; y may be as long or end before the padding.
-#[inline(always)]
-fn add_columns(f: [f64; LANES], columns: &[f64], y: &mut [f64]) {
-    let stride = columns.len() / LANES;
-    let (first, second) = columns.split_at(2 * stride);
-    let ((a, b), (c, d)) = (first.split_at(stride), second.split_at(stride));
-    let pairs = a.iter().zip(b).zip(c.iter().zip(d));
-    for (y, ((a, b), (c, d))) in y.iter_mut().zip(pairs) {
-        *y += (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
-    }
-}
-
-/// A matrix stored row by row, `columns` values each, column by column; the columns,
-/// and their number, padded with zeros to multiples of `lanes`.
-fn transposed(matrix: &[f64], columns: usize, lanes: usize) -> Vec<f64> {
-    let rows = matrix.len() / columns.max(1);
-    let stride = rows.next_multiple_of(lanes);
-    let mut transposed = vec![0.0; columns.next_multiple_of(lanes) * stride];
-    for (i, row) in matrix.chunks_exact(columns.max(1)).enumerate() {
-        for (column, &v) in transposed.chunks_exact_mut(stride).zip(row) {
-            column[i] = v;
-        }
-    }
-    transposed
 }
 
 /// Gaussian elimination with partial pivoting on an augmented matrix of r rows

@@ -9,6 +9,7 @@ use crate::manifold::SparsityPattern;
 
 /// Values that the innermost loops over padded vectors take at once.
 pub(crate) const LANES: usize = 4;
+pub(crate) type Lanes = [f64; LANES];
 
 /// Runs small dense loops with the widest vectors that the processor has; what they call
 /// must be inlined. The order of operations, and so the result, does not depend on it.
@@ -44,19 +45,48 @@ pub(crate) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
+/// Number of whole [`LANES`] that hold a vector.
+#[inline(always)]
+pub(crate) fn blocks(length: usize) -> usize {
+    length.div_ceil(LANES)
+}
+
+/// Inner product of padded vectors.
+#[inline(always)]
+pub(crate) fn padded_dot(a: &[Lanes], b: &[Lanes]) -> f64 {
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..LANES {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3])
+}
+
+/// y ← y + α x for padded vectors.
+#[inline(always)]
+pub(crate) fn padded_axpy(alpha: f64, x: &[Lanes], y: &mut [Lanes]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        for i in 0..LANES {
+            y[i] += alpha * x[i];
+        }
+    }
+}
+
 /// The factorisation, with its memory: filled again for every chart.
 ///
 /// Matrices are stored row by row, one row for each variable: a reflector then
 /// combines whole rows, and rows where it vanishes, as most do while the Jacobian's
-/// sparsity lasts, are passed over.
+/// sparsity lasts, are passed over. Rows are padded to whole [`LANES`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PivotedQr {
     /// Number of rows of Jᵀ: variables.
     m: usize,
     /// Number of columns of Jᵀ: equations.
     n: usize,
-    /// R in the first rows; what is left of Jᵀ below.
-    a: Vec<f64>,
+    /// R in the first rows; what is left of Jᵀ below. Left of the diagonal is nothing of
+    /// meaning.
+    a: Vec<Lanes>,
     reflectors: Vec<Reflector>,
     /// Entries of all reflectors, except the leading ones.
     entries: Vec<(u32, f64)>,
@@ -69,10 +99,11 @@ pub(crate) struct PivotedQr {
     /// |R₀₀|, and the largest norm of a column left over.
     first_pivot: f64,
     rest_norm: f64,
-    /// One row of scratch, and two triangles.
-    combined: Vec<f64>,
-    inverse: Vec<f64>,
-    gram: Vec<f64>,
+    /// One row of scratch, two triangles, and a matrix of one row for each variable.
+    combined: Vec<Lanes>,
+    inverse: Vec<Lanes>,
+    gram: Vec<Lanes>,
+    by_variable: Vec<Lanes>,
 }
 
 /// I − τ v vᵀ with v = 1 at its own row, and the entries in a range of all entries.
@@ -95,8 +126,10 @@ impl PivotedQr {
     ) -> usize {
         let (m, n) = (pattern.columns(), pattern.rows());
         (self.m, self.n) = (m, n);
+        let width = blocks(n);
         self.a.clear();
-        self.a.resize(m * n, 0.0);
+        self.a.resize(m * width, [0.0; LANES]);
+        let a = self.a.as_flattened_mut();
         self.norms.clear();
         self.permutation.clear();
         self.permutation.extend(0..n);
@@ -105,7 +138,7 @@ impl PivotedQr {
         for i in 0..n {
             let mut square = 0.0;
             for (&c, &v) in pattern.row(i).iter().zip(&values[pattern.row_range(i)]) {
-                self.a[c * n + i] = v;
+                a[c * LANES * width + i] = v;
                 square += v * v;
             }
             self.norms.push(square);
@@ -136,7 +169,8 @@ impl PivotedQr {
                 break;
             }
             if p != j {
-                for row in self.a.chunks_exact_mut(n) {
+                let width = LANES * blocks(n);
+                for row in self.a.as_flattened_mut().chunks_exact_mut(width) {
                     row.swap(j, p);
                 }
                 self.norms.swap(j, p);
@@ -158,41 +192,45 @@ impl PivotedQr {
     /// Norm of what is left of column c from row j on.
     #[inline(always)]
     fn norm_of_column(&self, c: usize, j: usize) -> f64 {
-        let rows = self.a.chunks_exact(self.n).skip(j);
-        rows.map(|row| row[c] * row[c]).sum::<f64>().sqrt()
+        let rows = self.a.chunks_exact(blocks(self.n)).skip(j);
+        let column = rows.map(|row| row[c / LANES][c % LANES]);
+        column.map(|v| v * v).sum::<f64>().sqrt()
     }
 
     /// Eliminates column j below its diagonal and applies the reflector to the
     /// columns right of it.
     #[inline(always)]
     fn reflect(&mut self, j: usize, norm: f64) {
-        let n = self.n;
-        let (head, below) = self.a.split_at_mut((j + 1) * n);
-        let row = &mut head[j * n + j..];
-        let alpha = row[0];
+        let width = blocks(self.n);
+        let (head, below) = self.a.split_at_mut((j + 1) * width);
+        // What the whole blocks take along on the left has no meaning any more.
+        let first_block = j / LANES;
+        let row = &mut head[j * width + first_block..];
+        let alpha = row[0][j % LANES];
         let beta = if alpha >= 0.0 { -norm } else { norm };
         let tau = (beta - alpha) / beta;
         let scale = 1.0 / (alpha - beta);
-        row[0] = beta;
         let first = self.entries.len();
         // w = τ vᵀ A, then A ← A − v w.
-        let row = &mut row[1..];
         let w = &mut self.combined;
         w.clear();
         w.extend_from_slice(row);
-        for (i, other) in below.chunks_exact(n).enumerate() {
-            if other[j] != 0.0 {
-                let v = other[j] * scale;
+        for (i, other) in below.chunks_exact(width).enumerate() {
+            let entry = other[first_block][j % LANES];
+            if entry != 0.0 {
+                let v = entry * scale;
                 self.entries.push(((j + 1 + i) as u32, v));
-                axpy(v, &other[j + 1..], w);
+                padded_axpy(v, &other[first_block..], w);
             }
         }
-        w.iter_mut().for_each(|w| *w *= tau);
-        axpy(-1.0, w, row);
+        w.as_flattened_mut().iter_mut().for_each(|w| *w *= tau);
+        padded_axpy(-1.0, w, row);
+        row[0][j % LANES] = beta;
         for &(i, v) in &self.entries[first..] {
-            let start = (i as usize - j - 1) * n;
-            axpy(-v, w, &mut below[start + j + 1..start + n]);
+            let other = &mut below[(i as usize - j - 1) * width..][..width];
+            padded_axpy(-v, w, &mut other[first_block..]);
         }
+        let row = &row.as_flattened()[j % LANES + 1..];
         for (norm, r) in self.norms[j + 1..].iter_mut().zip(row) {
             *norm = (*norm - *r * *r).max(0.0);
         }
@@ -212,89 +250,127 @@ impl PivotedQr {
         &self.permutation[..self.rank]
     }
 
-    /// Writes the pseudo-inverse of the independent rows J_r, one row of r values for
-    /// each variable: J_rᵀ (RᵀR)⁻¹, the transposed rows being sparse. It need not be
-    /// exact to the last digit: projections only iterate with it. Cost: ⅔ r³ and r
-    /// multiplications for each entry of J_r.
+    /// Writes the pseudo-inverse of the independent rows J_r: for [`LANES`] variables
+    /// after the other their values in one of the r columns after the other, both padded
+    /// with zeros to whole [`LANES`]. It is J_rᵀ (RᵀR)⁻¹, the transposed rows being
+    /// sparse, and need not be exact to the last digit: projections only iterate with it.
+    /// Cost: ⅔ r³ and r multiplications for each entry of J_r.
     pub(crate) fn write_pseudo_inverse(
         &mut self,
         pattern: &SparsityPattern,
         values: &[f64],
-        pseudo_inverse: &mut Vec<f64>,
+        pseudo_inverse: &mut Vec<Lanes>,
     ) {
         vectorised(
             #[inline(always)]
             || {
-                let (n, r) = (self.n, self.rank);
-                // L = R⁻ᵀ, row by row.
-                let inverse = &mut self.inverse;
-                inverse.clear();
-                inverse.resize(r * r, 0.0);
-                for k in 0..r {
-                    let (before, row) = inverse.split_at_mut(k * r);
-                    for (l, other) in before.chunks_exact(r).enumerate() {
-                        let entry = self.a[l * n + k];
-                        if entry != 0.0 {
-                            axpy(-entry, &other[..=l], &mut row[..=l]);
-                        }
-                    }
-                    let scale = 1.0 / self.a[k * n + k];
-                    row[..k].iter_mut().for_each(|x| *x *= scale);
-                    row[k] = scale;
-                }
-                // (RᵀR)⁻¹ = LᵀL, its lower triangle first.
-                let gram = &mut self.gram;
-                gram.clear();
-                gram.resize(r * r, 0.0);
-                for row in inverse.chunks_exact(r.max(1)) {
-                    for (i, sum) in gram.chunks_exact_mut(r).enumerate() {
-                        if row[i] != 0.0 {
-                            axpy(row[i], &row[..=i], &mut sum[..=i]);
-                        }
-                    }
-                }
-                for i in 0..r {
-                    for j in i + 1..r {
-                        gram[i * r + j] = gram[j * r + i];
+                self.invert_gram();
+                let width = blocks(self.rank);
+                let product = &mut self.by_variable;
+                product.clear();
+                product.resize(self.m * width, [0.0; LANES]);
+                let gram = self.gram.chunks_exact(width.max(1));
+                for (&equation, row) in self.permutation.iter().zip(gram) {
+                    let entries = pattern.row(equation).iter();
+                    for (&i, &v) in entries.zip(&values[pattern.row_range(equation)]) {
+                        padded_axpy(v, row, &mut product[i * width..][..width]);
                     }
                 }
                 pseudo_inverse.clear();
-                pseudo_inverse.resize(self.m * r, 0.0);
-                for (&equation, row) in self.permutation.iter().zip(gram.chunks_exact(r.max(1))) {
-                    let entries = pattern.row(equation).iter();
-                    for (&i, &v) in entries.zip(&values[pattern.row_range(equation)]) {
-                        axpy(v, row, &mut pseudo_inverse[i * r..(i + 1) * r]);
+                pseudo_inverse.resize(blocks(self.m) * width * LANES, [0.0; LANES]);
+                let panels = pseudo_inverse.chunks_exact_mut((width * LANES).max(1));
+                let rows = product.chunks((LANES * width).max(1));
+                for (panel, rows) in panels.zip(rows) {
+                    for (i, row) in rows.chunks_exact(width).enumerate() {
+                        for (column, v) in panel.iter_mut().zip(row.as_flattened()) {
+                            column[i] = *v;
+                        }
                     }
                 }
             },
         );
     }
 
-    /// Writes the last m − rank columns of Q, one row of m − rank values for each
-    /// variable: an orthonormal basis of the null space of J.
-    pub(crate) fn write_null_basis(&mut self, basis: &mut Vec<f64>) {
-        let (r, k) = (self.rank, self.m - self.rank);
-        basis.clear();
-        basis.resize(self.m * k, 0.0);
-        for j in 0..k {
-            basis[(r + j) * k + j] = 1.0;
+    /// (RᵀR)⁻¹ of the r independent rows, padded, into `gram`.
+    #[inline(always)]
+    fn invert_gram(&mut self) {
+        let (n, r) = (blocks(self.n), self.rank);
+        let width = blocks(r);
+        // L = R⁻ᵀ, row by row.
+        let inverse = &mut self.inverse;
+        inverse.clear();
+        inverse.resize(r * width, [0.0; LANES]);
+        for k in 0..r {
+            let (before, row) = inverse.split_at_mut(k * width);
+            let row = &mut row[..width];
+            for (l, other) in before.chunks_exact(width).enumerate() {
+                let entry = self.a[l * n + k / LANES][k % LANES];
+                if entry != 0.0 {
+                    let filled = blocks(l + 1);
+                    padded_axpy(-entry, &other[..filled], &mut row[..filled]);
+                }
+            }
+            let scale = 1.0 / self.a[k * n + k / LANES][k % LANES];
+            row.as_flattened_mut()[..k]
+                .iter_mut()
+                .for_each(|x| *x *= scale);
+            row[k / LANES][k % LANES] = scale;
         }
+        // LᵀL, its lower triangle first.
+        let gram = &mut self.gram;
+        gram.clear();
+        gram.resize(r * width, [0.0; LANES]);
+        for row in inverse.chunks_exact(width.max(1)) {
+            for (i, sum) in gram.chunks_exact_mut(width).enumerate() {
+                let entry = row[i / LANES][i % LANES];
+                if entry != 0.0 {
+                    let filled = blocks(i + 1);
+                    padded_axpy(entry, &row[..filled], &mut sum[..filled]);
+                }
+            }
+        }
+        for i in 0..r {
+            for j in i + 1..r {
+                gram[i * width + j / LANES][j % LANES] = gram[j * width + i / LANES][i % LANES];
+            }
+        }
+    }
+
+    /// Writes the last m − rank columns of Q, m values each: an orthonormal basis of the
+    /// null space of J.
+    pub(crate) fn write_null_basis(&mut self, basis: &mut Vec<f64>) {
+        let (m, r) = (self.m, self.rank);
+        let k = m - r;
         vectorised(
             #[inline(always)]
             || {
+                let width = blocks(k);
+                let rows = &mut self.by_variable;
+                rows.clear();
+                rows.resize(m * width, [0.0; LANES]);
+                for j in 0..k {
+                    rows[(r + j) * width + j / LANES][j % LANES] = 1.0;
+                }
                 let w = &mut self.combined;
                 for (j, reflector) in self.reflectors.iter().enumerate().rev() {
                     let entries = &self.entries[reflector.entries.clone()];
                     w.clear();
-                    w.extend_from_slice(&basis[j * k..(j + 1) * k]);
+                    w.extend_from_slice(&rows[j * width..][..width]);
                     for &(i, v) in entries {
-                        axpy(v, &basis[i as usize * k..(i as usize + 1) * k], w);
+                        padded_axpy(v, &rows[i as usize * width..][..width], w);
                     }
-                    w.iter_mut().for_each(|w| *w *= reflector.tau);
-                    axpy(-1.0, w, &mut basis[j * k..(j + 1) * k]);
+                    w.as_flattened_mut()
+                        .iter_mut()
+                        .for_each(|w| *w *= reflector.tau);
+                    padded_axpy(-1.0, w, &mut rows[j * width..][..width]);
                     for &(i, v) in entries {
-                        axpy(-v, w, &mut basis[i as usize * k..(i as usize + 1) * k]);
+                        padded_axpy(-v, w, &mut rows[i as usize * width..][..width]);
                     }
+                }
+                basis.clear();
+                for j in 0..k {
+                    let column = rows.iter().skip(j / LANES).step_by(width);
+                    basis.extend(column.map(|v| v[j % LANES]));
                 }
             },
         );
@@ -324,7 +400,7 @@ impl PivotedQr {
             *dx = f[row];
         }
         for j in 0..r {
-            let row = &self.a[j * self.n..j * self.n + r];
+            let row = &self.a[j * blocks(self.n)..].as_flattened()[..r];
             let (head, tail) = dx[..r].split_at_mut(j + 1);
             head[j] /= row[j];
             axpy(-head[j], &row[j + 1..], tail);
@@ -356,22 +432,21 @@ mod tests {
         let mut basis = Vec::new();
         qr.write_null_basis(&mut basis);
         assert_eq!(basis.len(), 8);
-        // One variable after the other, two values each.
-        let vector = |j: usize| [0, 1, 2, 3].map(|i| basis[2 * i + j]);
+        let vector = |j: usize| &basis[4 * j..4 * j + 4];
         for row in values.chunks(4) {
             for j in 0..2 {
-                assert!(dot(row, &vector(j)).abs() < 1e-14);
+                assert!(dot(row, vector(j)).abs() < 1e-14);
             }
         }
-        assert!(dot(&vector(0), &vector(1)).abs() < 1e-14);
+        assert!(dot(vector(0), vector(1)).abs() < 1e-14);
         let mut inverse = Vec::new();
         qr.write_pseudo_inverse(&pattern, &values, &mut inverse);
         for (a, &row) in qr.independent_rows().iter().enumerate() {
             for b in 0..2 {
-                let column = [0, 1, 2, 3].map(|i| inverse[2 * i + b]);
+                let column = inverse[b];
                 let product = dot(&values[4 * row..4 * row + 4], &column);
                 assert!((product - f64::from(u8::from(a == b))).abs() < 1e-13);
-                assert!(dot(&vector(0), &column).abs() < 1e-13);
+                assert!(dot(vector(0), &column).abs() < 1e-13);
             }
         }
         let f = [1.0, -2.0, -1.0];
@@ -380,7 +455,7 @@ mod tests {
         for (row, f) in values.chunks(4).zip(f) {
             assert!((dot(row, &dx) - f).abs() < 1e-14);
         }
-        assert!(dot(&vector(0), &dx).abs() < 1e-14 && dot(&vector(1), &dx).abs() < 1e-14);
+        assert!(dot(vector(0), &dx).abs() < 1e-14 && dot(vector(1), &dx).abs() < 1e-14);
     }
 
     #[test]

@@ -384,7 +384,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity, Q: Quantities> Tracer<'a, M,
             row.clear();
             self.quantities.gradient(quantity, x, &mut row);
             for &(variable, g) in row.entries() {
-                for (j, v) in chart.variable(variable).iter().enumerate() {
+                for (j, v) in chart.variable(variable).enumerate() {
                     matrix[(i, j)] += g * v;
                 }
             }

@@ -5,10 +5,10 @@
 //! orthonormalised. Cost of an iteration: k products with the sparse Jacobian and k m r
 //! multiplications, where a factorisation takes about 2 m r²; two to four iterations.
 
-use super::{Chart, Workspace, add_columns, padded};
+use super::{Chart, Workspace};
 use crate::{
     manifold::{ImplicitManifold, SparsityPattern},
-    qr::{LANES, axpy, dot, vectorised},
+    qr::{LANES, axpy, blocks, dot, vectorised},
 };
 
 /// J(x) Φ counts as zero below this: the exponential map corrects what is left.
@@ -44,22 +44,24 @@ impl Chart {
         let (m, k) = (x.len(), self.dimension);
         work.saved.clear();
         work.saved.extend_from_slice(&self.basis);
-        // J(x) Φ, the k values of one independent equation after the other.
-        work.steps.clear();
-        work.steps.resize(self.rows.len() * k, 0.0);
+        // J(x) Φ, one tangent vector after the other, padded.
+        let height = blocks(self.rows.len());
+        work.right.clear();
+        work.right.resize(height * k, [0.0; LANES]);
+        work.steps
+            .resize(blocks(m).max(work.steps.len()), [0.0; LANES]);
+        let step = &mut work.steps[..blocks(m)];
         let mut previous = f64::INFINITY;
         let mut converged = false;
         for _ in 0..MAX_ITERATIONS {
             let mut size = 0.0_f64;
-            for (&row, products) in self.rows.iter().zip(work.steps.chunks_exact_mut(k.max(1))) {
+            for (a, &row) in self.rows.iter().enumerate() {
                 let columns = pattern.row(row as usize);
                 let values = &work.jacobian[pattern.row_range(row as usize)];
-                for (product, vector) in products.iter_mut().zip(self.basis.chunks_exact(m)) {
-                    *product = columns
-                        .iter()
-                        .zip(values)
-                        .map(|(&c, &v)| v * vector[c])
-                        .sum();
+                for (j, vector) in self.basis.chunks_exact(m).enumerate() {
+                    let entries = columns.iter().zip(values);
+                    let product: f64 = entries.map(|(&c, &v)| v * vector[c]).sum();
+                    work.right[j * height + a / LANES][a % LANES] = -product;
                     size = size.max(product.abs());
                 }
             }
@@ -71,18 +73,11 @@ impl Chart {
                 break;
             }
             previous = size;
-            // Four columns at a time: the basis is read and written less often.
-            for (columns, products) in self
-                .pseudo_inverse
-                .chunks_exact(LANES * padded(m))
-                .zip(work.steps.chunks((LANES * k).max(1)))
-            {
-                for (j, vector) in self.basis.chunks_exact_mut(m).enumerate() {
-                    let mut f = [0.0; LANES];
-                    for (f, products) in f.iter_mut().zip(products.chunks_exact(k)) {
-                        *f = -products[j];
-                    }
-                    add_columns(f, columns, vector);
+            for (j, products) in work.right.chunks_exact(height.max(1)).enumerate() {
+                self.times_pseudo_inverse(products, step);
+                let vector = &mut self.basis[j * m..(j + 1) * m];
+                for (v, s) in vector.iter_mut().zip(step.as_flattened()) {
+                    *v += s;
                 }
             }
         }
@@ -90,16 +85,10 @@ impl Chart {
             self.basis.copy_from_slice(&work.saved);
             return false;
         }
-        for (j, vector) in self.basis.chunks_exact(m).enumerate() {
-            for (i, &v) in vector.iter().enumerate() {
-                self.basis_by_variable[i * k + j] = v;
-            }
-        }
         self.center.copy_from_slice(x);
         for (along, vector) in self.center_along.iter_mut().zip(self.basis.chunks_exact(m)) {
             *along = dot(vector, x);
         }
-        self.jacobian.copy_from_slice(&work.jacobian);
         true
     }
 

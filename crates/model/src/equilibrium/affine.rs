@@ -28,15 +28,15 @@ impl AffineMap {
         map
     }
 
-    /// Number of rows.
-    pub(super) fn row_count(&self) -> usize {
-        self.offsets.len()
-    }
-
     /// The entries of S in row i.
     #[inline]
     pub(super) fn row(&self, i: usize) -> &[(usize, f64)] {
         &self.entries[self.starts[i]..self.starts[i + 1]]
+    }
+
+    /// Row i as [`Self::from_rows`] takes it.
+    pub(super) fn owned_row(&self, i: usize) -> (f64, Vec<(usize, f64)>) {
+        (self.offsets[i], self.row(i).to_vec())
     }
 
     /// The offset b of row i.

@@ -240,6 +240,19 @@ impl<'a> Builder<'a> {
         };
         let coordinates = AffineMap::from_rows((0..3 * node_count).map(map_row));
         let densities = AffineMap::from_rows((3 * node_count..raw).map(map_row));
+        let nothing = (0.0, Vec::new());
+        let places = AffineMap::from_rows((0..4 * node_count).map(|i| match (i / 4, i % 4) {
+            (_, 3) => nothing.clone(),
+            (node, axis) => coordinates.owned_row(3 * node + axis),
+        }));
+        let link_densities = self.links.iter().map(|link| match link.density {
+            Density::None | Density::Spring { .. } => nothing.clone(),
+            Density::Constant(q) => (q, Vec::new()),
+            Density::Unknown(row) => densities.owned_row(row),
+        });
+        let link_densities = AffineMap::from_rows(link_densities);
+        let is_spring = |&i: &usize| matches!(self.links[i].density, Density::Spring { .. });
+        let springs = (0..self.links.len()).filter(is_spring).collect();
         let variables = origins.len();
 
         let equations = self.equations(&coordinates);
@@ -250,13 +263,13 @@ impl<'a> Builder<'a> {
             link.nodes.iter().for_each(|&node| loaded[node] = true);
         }
         let forces = self.links.iter().any(|link| carries(&link));
-        let balance: Vec<usize> = (0..node_count)
+        let balance: Vec<[usize; 2]> = (0..node_count)
             .filter(|&node| forces && s.nodes[node].balanced && loaded[node])
-            .flat_map(|node| (0..s.dimension).map(move |axis| 3 * node + axis))
+            .flat_map(|node| (0..s.dimension).map(move |axis| [node, axis]))
             .collect();
         let mut row_of = vec![None; 3 * node_count];
-        for (row, &coordinate) in balance.iter().enumerate() {
-            row_of[coordinate] = Some(row);
+        for (row, &[node, axis]) in balance.iter().enumerate() {
+            row_of[3 * node + axis] = Some(row);
         }
 
         let (lower, upper, limits) = self.ranges(&coordinates, &densities, variables);
@@ -296,13 +309,15 @@ impl<'a> Builder<'a> {
             structure: s.clone(),
             size: self.size,
             force: self.force,
-            force_weight: self.force_weight,
             variables,
             raw_variables: raw,
             raw_equations: conditions + balance.len() + equations.len(),
             coordinates,
+            places,
             densities,
-            loads: s.nodes.iter().map(|node| node.load.into()).collect(),
+            link_densities,
+            springs,
+            loads: s.nodes.iter().map(|n| n.load.push(0.0).into()).collect(),
             links: std::mem::take(&mut self.links),
             balance,
             equations,
@@ -493,13 +508,17 @@ impl<'a> Builder<'a> {
                 .iter()
                 .any(|&node| (0..3).any(|axis| !coordinates.row(3 * node + axis).is_empty()));
             let mut limit = |quantity: Quantity, range: Interval| {
+                let unit = match quantity {
+                    Quantity::Length | Quantity::Rest { .. } => self.size,
+                    Quantity::Force => self.force / self.force_weight,
+                };
                 for (end, sign) in [(range.lo, 1.0), (range.hi, -1.0)] {
                     if end.is_finite() && moves {
                         limits.push(Limit {
                             link: e,
                             quantity,
                             bound: end,
-                            sign,
+                            weight: sign / unit,
                         });
                     }
                 }

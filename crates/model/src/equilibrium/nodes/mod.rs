@@ -84,8 +84,9 @@ struct Limit {
     link: usize,
     quantity: Quantity,
     bound: f64,
-    /// +1 for a lower end, −1 for an upper one.
-    sign: f64,
+    /// What the distance to the bound counts, positive at a lower end, negative at an
+    /// upper one.
+    weight: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,12 +133,16 @@ impl LinkState {
 /// Values of each link that [`Scratch::values`] begins with: d and q.
 const LINK_VALUES: usize = 4;
 
+/// A vector with a fourth value of no meaning: two registers wide.
+type Padded = [f64; 4];
+
 #[derive(Default)]
 struct Scratch {
-    positions: Vec<[f64; 3]>,
+    positions: Vec<Padded>,
+    /// Force density of each link, springs apart.
     densities: Vec<f64>,
     /// Sum of the forces on each node.
-    forces: Vec<[f64; 3]>,
+    forces: Vec<Padded>,
     /// d and q of one link after the other, then the further atoms of the Jacobian.
     values: Vec<f64>,
 }
@@ -176,17 +181,21 @@ pub struct NodesManifold {
     structure: Structure,
     size: f64,
     force: f64,
-    /// Weight of a force relative to a coordinate.
-    force_weight: f64,
     variables: usize,
     raw_variables: usize,
     raw_equations: usize,
     coordinates: AffineMap,
+    /// The same, four rows a node, the fourth zero.
+    places: AffineMap,
     densities: AffineMap,
+    /// The force density of each link; zero for springs.
+    link_densities: AffineMap,
     links: Vec<Link>,
-    loads: Vec<[f64; 3]>,
-    /// The coordinate 3 node + axis along which each equation of force balance holds.
-    balance: Vec<usize>,
+    /// The links that are springs.
+    springs: Vec<usize>,
+    loads: Vec<Padded>,
+    /// The node and axis along which each equation of force balance holds.
+    balance: Vec<[usize; 2]>,
     equations: Vec<Equation>,
     limits: Vec<Limit>,
     lower: Vec<f64>,
@@ -270,12 +279,9 @@ impl NodesManifold {
             }
         };
         let pair = |[a, b]: [usize; 2]| format!("{} and {}", link(a), link(b));
-        if let Some(&coordinate) = self.balance.get(equation) {
-            let node = &self.structure.nodes[coordinate / 3].name;
-            return format!(
-                "force balance of {node} along {}",
-                ["x", "y", "z"][coordinate % 3]
-            );
+        if let Some(&[node, axis]) = self.balance.get(equation) {
+            let node = &self.structure.nodes[node].name;
+            return format!("force balance of {node} along {}", ["x", "y", "z"][axis]);
         }
         match &self.equations[equation - self.balance.len()] {
             Equation::Length { link: l, length } => format!("length {length} of {}", link(*l)),
@@ -334,10 +340,7 @@ impl NodesManifold {
 
     /// The unit in which a limit counts, in the problem's units.
     pub fn limit_unit(&self, limit: usize) -> f64 {
-        match self.limits[limit].quantity {
-            Quantity::Length | Quantity::Rest { .. } => self.size,
-            Quantity::Force => self.force / self.force_weight,
-        }
+        1.0 / self.limits[limit].weight.abs()
     }
 
     fn evaluate_links(&self, x: &[f64], scratch: &mut Scratch) {
@@ -347,27 +350,23 @@ impl NodesManifold {
             values,
             ..
         } = scratch;
-        positions.resize(self.structure.nodes.len(), [0.0; 3]);
-        self.coordinates.values(x, positions.as_flattened_mut());
-        densities.resize(self.densities.row_count(), 0.0);
-        self.densities.values(x, densities);
+        positions.resize(self.structure.nodes.len(), [0.0; 4]);
+        self.places.values(x, positions.as_flattened_mut());
+        densities.resize(self.links.len(), 0.0);
+        self.link_densities.values(x, densities);
         values.resize(LINK_VALUES * self.links.len(), 0.0);
-        for (link, values) in self
-            .links
-            .iter()
-            .zip(values.as_chunks_mut::<LINK_VALUES>().0)
-        {
+        let values = values.as_chunks_mut::<LINK_VALUES>().0;
+        for ((link, &q), values) in self.links.iter().zip(&*densities).zip(&mut *values) {
             let [a, b] = link.nodes.map(|node| positions[node]);
-            let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-            let q = match link.density {
-                Density::None => 0.0,
-                Density::Constant(q) => q,
-                Density::Unknown(row) => densities[row],
-                Density::Spring { stiffness, rest } => {
-                    stiffness * (1.0 - rest / self.spring_length(square(d).sqrt()))
-                }
-            };
-            *values = [d[0], d[1], d[2], q];
+            *values = [b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3]];
+            values[3] = q;
+        }
+        for &link in &self.springs {
+            if let Density::Spring { stiffness, rest } = self.links[link].density {
+                let [x, y, z, q] = &mut values[link];
+                let length = self.spring_length(square([*x, *y, *z]).sqrt());
+                *q = stiffness * (1.0 - rest / length);
+            }
         }
     }
 
@@ -412,13 +411,11 @@ impl NodesManifold {
     #[inline]
     fn evaluate_limit(&self, limit: &Limit, length: f64, density: f64) -> f64 {
         let value = match limit.quantity {
-            Quantity::Length => (length - limit.bound) / self.size,
-            Quantity::Rest { stiffness } => {
-                (length * (1.0 - density / stiffness) - limit.bound) / self.size
-            }
-            Quantity::Force => (density * length - limit.bound) * self.force_weight / self.force,
+            Quantity::Length => length,
+            Quantity::Rest { stiffness } => length * (1.0 - density / stiffness),
+            Quantity::Force => density * length,
         };
-        limit.sign * value
+        limit.weight * (value - limit.bound)
     }
 
     /// An element's quantity as one of its link; `None` where it has none.
@@ -473,17 +470,15 @@ impl ImplicitManifold for NodesManifold {
             forces.clear();
             forces.extend_from_slice(&self.loads);
             let states = values.as_chunks::<LINK_VALUES>().0;
-            for (link, [x, y, z, q]) in self.links.iter().zip(states) {
-                let (fx, fy, fz) = (q * x, q * y, q * z);
+            for (link, state) in self.links.iter().zip(states) {
                 let [a, b] = link.nodes;
-                let [x, y, z] = forces[a];
-                forces[a] = [x + fx, y + fy, z + fz];
-                let [x, y, z] = forces[b];
-                forces[b] = [x - fx, y - fy, z - fz];
+                let pull = state.map(|d| state[3] * d);
+                forces[a] = std::array::from_fn(|axis| forces[a][axis] + pull[axis]);
+                forces[b] = std::array::from_fn(|axis| forces[b][axis] - pull[axis]);
             }
-            let (unit, forces) = (1.0 / self.force, forces.as_flattened());
-            for (value, &coordinate) in balance.iter_mut().zip(&self.balance) {
-                *value = forces[coordinate] * unit;
+            let unit = 1.0 / self.force;
+            for (value, &[node, axis]) in balance.iter_mut().zip(&self.balance) {
+                *value = forces[node][axis] * unit;
             }
             let scratch = &*scratch;
             let length = |i: usize| scratch.length(i);
@@ -586,11 +581,7 @@ impl ImplicitManifold for NodesManifold {
         let limit = &self.limits[limit];
         let state = self.evaluate_link(limit.link, x);
         let (by_length, by_q) = state.derivatives(limit.quantity);
-        let unit = match limit.quantity {
-            Quantity::Force => self.force_weight / self.force,
-            Quantity::Length | Quantity::Rest { .. } => 1.0 / self.size,
-        };
-        let c = limit.sign * unit;
+        let c = limit.weight;
         let by_d = state.d.map(|d| c * by_length * d / state.length);
         self.add_link_gradient(limit.link, by_d, c * by_q, row);
     }
@@ -609,7 +600,7 @@ impl ImplicitManifold for NodesManifold {
                 Quantity::Rest { .. } => "rest length",
                 Quantity::Force => "force",
             },
-            if limit.sign > 0.0 { "lower" } else { "upper" },
+            if limit.weight > 0.0 { "lower" } else { "upper" },
         );
         let name = &self.structure.elements[limit.link].name;
         format!("{end} limit {:.6} of the {quantity} of {name}", limit.bound)
@@ -628,10 +619,10 @@ impl EquilibriumManifold for NodesManifold {
     fn positions(&self, x: &[f64], positions: &mut [Point3<f64>]) {
         SCRATCH.with_borrow_mut(|scratch| {
             let found = &mut scratch.positions;
-            found.resize(self.structure.nodes.len(), [0.0; 3]);
-            self.coordinates.values(x, found.as_flattened_mut());
-            for (position, &found) in positions.iter_mut().zip(&*found) {
-                *position = Point3::from(found);
+            found.resize(self.structure.nodes.len(), [0.0; 4]);
+            self.places.values(x, found.as_flattened_mut());
+            for (position, &[x, y, z, _]) in positions.iter_mut().zip(&*found) {
+                *position = Point3::new(x, y, z);
             }
         });
     }
@@ -682,7 +673,11 @@ impl EquilibriumManifold for NodesManifold {
             let elements = &self.structure.elements;
             let lengths: Vec<f64> = (0..elements.len()).map(|e| scratch.length(e)).collect();
             Configuration {
-                positions: scratch.positions.iter().map(|&p| Point3::from(p)).collect(),
+                positions: scratch
+                    .positions
+                    .iter()
+                    .map(|&[x, y, z, _]| Point3::new(x, y, z))
+                    .collect(),
                 rest_lengths: elements
                     .iter()
                     .enumerate()
