@@ -104,6 +104,25 @@ impl Polytope {
         self.vertices[vertex].closed = true;
     }
 
+    /// Closes the vertices that another polytope has, too, closed and joined to the
+    /// same ones, within a distance.
+    pub(crate) fn keep_closed(&mut self, other: &Self, distance: f64) {
+        let same = |vertex: usize| {
+            let point = &self.vertices[vertex].point;
+            other.vertices.iter().find(|v| {
+                let apart = v.point.iter().zip(point).map(|(a, b)| (a - b).powi(2));
+                apart.sum::<f64>() <= distance * distance
+            })
+        };
+        let known: Vec<usize> = (0..self.vertices.len())
+            .filter(|&v| {
+                same(v).is_some_and(|v| v.closed)
+                    && self.adjacent(v).all(|joined| same(joined).is_some())
+            })
+            .collect();
+        known.into_iter().for_each(|v| self.close(v));
+    }
+
     /// Whether a vertex lies on a side of the cube that the polytope began as.
     pub(crate) fn is_on_cube(&self, vertex: &Vertex) -> bool {
         vertex
@@ -165,12 +184,14 @@ impl Polytope {
                     continue;
                 };
                 let share = inside / (inside - outside);
-                let (a, b) = (&self.vertices[kept].point, &self.vertices[removed].point);
+                let (inner, outer) = (&self.vertices[kept], &self.vertices[removed]);
+                let (a, b) = (&inner.point, &outer.point);
                 facets.push(new);
                 corners.push(Vertex {
                     point: a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect(),
                     facets,
-                    closed: false,
+                    // What lies beyond it lay beyond one of the two.
+                    closed: inner.closed && outer.closed,
                 });
             }
         }

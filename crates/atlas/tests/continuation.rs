@@ -224,6 +224,90 @@ fn bounds_and_limits_are_borders_and_are_covered_up_to() {
     }
 }
 
+/// The part of the unit sphere between two meridians, `angle` apart.
+struct Lune {
+    sphere: Sphere,
+    angle: f64,
+}
+
+impl Lune {
+    fn point(&self, share: f64, latitude: f64) -> [f64; 3] {
+        let (height, out) = latitude.sin_cos();
+        let (y, x) = (share * self.angle).sin_cos();
+        [out * x, out * y, height]
+    }
+}
+
+impl ImplicitManifold for Lune {
+    fn ambient_dimension(&self) -> usize {
+        3
+    }
+
+    fn equation_count(&self) -> usize {
+        1
+    }
+
+    fn residual(&self, x: &[f64], residual: &mut [f64]) {
+        self.sphere.residual(x, residual);
+    }
+
+    fn jacobian_pattern(&self) -> &SparsityPattern {
+        self.sphere.jacobian_pattern()
+    }
+
+    fn jacobian(&self, x: &[f64], values: &mut [f64]) {
+        self.sphere.jacobian(x, values);
+    }
+
+    fn lower_bounds(&self) -> &[f64] {
+        // The first meridian.
+        &[-2.0, 0.0, -2.0]
+    }
+
+    fn upper_bounds(&self) -> &[f64] {
+        &[2.0; 3]
+    }
+
+    fn limit_count(&self) -> usize {
+        1
+    }
+
+    fn limits(&self, x: &[f64], values: &mut [f64]) {
+        let (sin, cos) = self.angle.sin_cos();
+        values[0] = sin * x[0] - cos * x[1];
+    }
+
+    fn limit_gradient(&self, _: usize, _: &[f64], row: &mut SparseRow) {
+        let (sin, cos) = self.angle.sin_cos();
+        row.add(0, sin);
+        row.add(1, -cos);
+    }
+}
+
+#[test]
+fn components_are_followed_into_narrow_tips() {
+    for angle in [1.0, 0.3, 0.1, 0.03, 0.01] {
+        let lune = Lune {
+            sphere: Sphere::new(),
+            angle,
+        };
+        for (i, radius) in [0.15, 0.2, 0.27, 0.31, 0.4, 1.0].into_iter().enumerate() {
+            let start = lune.point(0.7, 0.1 * i as f64);
+            let found = explore(&lune, &Everywhere, radius, &start);
+            assert!(found.complete);
+            let mut work = Workspace::default();
+            for (i, share) in [0.0, 0.01, 0.3, 0.5, 0.8, 1.0].into_iter().enumerate() {
+                for j in -100..=100 {
+                    let latitude = 0.015 * f64::from(j) + 1e-3 * i as f64;
+                    let x = lune.point(share, latitude);
+                    let chart = found.atlas.covering(&lune, &x, &mut work);
+                    assert!(chart.is_some(), "{angle} {radius}: {x:?}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn obstacles_are_borders_and_other_components_are_not_entered() {
     let sphere = Sphere::new();

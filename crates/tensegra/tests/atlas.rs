@@ -52,6 +52,24 @@ fn the_component_of_the_symmetric_tower_is_covered() {
 }
 
 #[test]
+fn components_are_covered_whatever_the_radius() {
+    // Tips of corridors, and what lies behind a box, come at any place on a rim.
+    for (name, radii) in [
+        ("tower3D.toml", [0.25, 0.4104, 0.4142, 2.0]),
+        ("prism.toml", [0.22, 0.3876, 0.55, 1.0]),
+    ] {
+        let mut problem = problem(name);
+        for radius in radii {
+            problem.settings.chart_radius = radius;
+            let atlas = tensegra::explore(&problem, &mut ()).unwrap();
+            assert!(atlas.complete);
+            let coverage = atlas.measure_coverage(&problem, 3000, 11).unwrap();
+            assert_eq!(coverage.covered, coverage.points, "{name} {radius}");
+        }
+    }
+}
+
+#[test]
 fn an_atlas_file_answers_queries_like_the_atlas() {
     let problem = problem("free_prism.toml");
     let atlas = tensegra::explore(&problem, &mut ()).unwrap();

@@ -41,29 +41,45 @@ impl Border {
     }
 }
 
-/// The bound or limit that a point breaks the most, with its value.
+/// Writes the values of all bounds and limits at x, which are not negative where x
+/// is within them: for each variable the distances from its bounds, then the limits.
+pub(super) fn border_values<M: ImplicitManifold + ?Sized>(
+    manifold: &M,
+    x: &[f64],
+    values: &mut Vec<f64>,
+) {
+    values.clear();
+    let bounds = manifold.lower_bounds().iter().zip(manifold.upper_bounds());
+    for (&x, (&lo, &hi)) in x.iter().zip(bounds) {
+        values.extend([x - lo, hi - x]);
+    }
+    let first = values.len();
+    values.resize(first + manifold.limit_count(), 0.0);
+    manifold.limits(x, &mut values[first..]);
+}
+
+/// The bound or limit that is broken the most, by the values of all.
+pub(super) fn worst<M: ImplicitManifold + ?Sized>(manifold: &M, values: &[f64]) -> Option<Border> {
+    let mut worst = (-ROUNDING, None);
+    for (i, &value) in values.iter().enumerate() {
+        if value < worst.0 || value.is_nan() {
+            worst = (value, Some(i));
+        }
+    }
+    let bounds = 2 * manifold.ambient_dimension();
+    worst.1.map(|i| match i {
+        i if i >= bounds => Border::Limit(i - bounds),
+        i if i % 2 == 0 => Border::Lower(i / 2),
+        i => Border::Upper(i / 2),
+    })
+}
+
+/// The bound or limit that a point breaks the most.
 pub(super) fn broken_limit<M: ImplicitManifold + ?Sized>(
     manifold: &M,
     x: &[f64],
-) -> Option<(Border, f64)> {
-    let mut worst = (-ROUNDING, None);
-    let mut see = |value: f64, border| {
-        if value < worst.0 || value.is_nan() {
-            worst = (value, Some(border));
-        }
-    };
-    let bounds = manifold.lower_bounds().iter().zip(manifold.upper_bounds());
-    for (i, (&x, (&lo, &hi))) in x.iter().zip(bounds).enumerate() {
-        see(x - lo, Border::Lower(i));
-        see(hi - x, Border::Upper(i));
-    }
-    let count = manifold.limit_count();
-    if count > 0 {
-        let mut values = vec![0.0; count];
-        manifold.limits(x, &mut values);
-        for (i, &value) in values.iter().enumerate() {
-            see(value, Border::Limit(i));
-        }
-    }
-    worst.1.map(|border| (border, worst.0))
+) -> Option<Border> {
+    let mut values = Vec::new();
+    border_values(manifold, x, &mut values);
+    worst(manifold, &values)
 }

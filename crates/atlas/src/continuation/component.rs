@@ -348,6 +348,9 @@ impl ComponentAtlas {
                     neighbour.chart,
                 );
             }
+            if chart != index {
+                cell.keep_closed(&self.cells[chart], ROUNDING * self.radii[chart]);
+            }
             self.cells[chart] = cell;
         }
     }

@@ -10,28 +10,27 @@
 //! Bounds and limits of the manifold and the validity test are borders. Centres
 //! are always valid, and reached from the chart before by a valid way; where the
 //! direction of a vertex leads outside, the rim of the domain around it is
-//! sampled for another way on, and only when there is none is the vertex closed.
+//! searched for another way on, and only when there is none is the vertex closed.
 //! Up to the border, the domains of the charts next to it cover the component.
 //!
 //! A chart's radius shrinks where the manifold leaves its tangent space by more
 //! than ε within it.
 //!
-//! Cost: for each chart one factorisation, about 2k to 3k + 1 validity tests, and
-//! cuts of small polytopes; the number of charts grows like ρ⁻ᵏ. Made for k = 1,
-//! 2, 3.
+//! Cost: for each chart one factorisation, about two validity tests, and cuts of
+//! small polytopes; at borders some tens of projections besides. The number of charts
+//! grows like ρ⁻ᵏ. Made for k = 1, 2, 3.
 
 mod border;
 mod component;
-mod frontier;
+mod front;
 mod index;
+mod look;
 mod outline;
+mod rim;
 mod route;
 mod walk;
 
-use std::{
-    collections::{BTreeMap, VecDeque},
-    ops::ControlFlow,
-};
+use std::collections::BTreeMap;
 
 pub use border::Border;
 pub use component::{ComponentAtlas, Corner};
@@ -40,29 +39,20 @@ pub use route::{Route, RouteError, RouteOptions};
 pub use walk::BilliardWalk;
 
 use crate::{
-    atlas::{ChartDomain, squared_distance},
-    chart::Workspace,
+    atlas::ChartDomain,
+    chart::{Chart, Workspace},
     error::ManifoldError,
-    manifold::{ImplicitManifold, SparseRow},
+    manifold::ImplicitManifold,
     newton::dimension,
-    qr::dot,
-    validity::{Obstruction, Validity},
+    validity::Validity,
 };
 use border::broken_limit;
-use frontier::Rim;
+use front::Front;
 
-/// Blocked ways are tried again in steps of this fraction of the stride.
-const FINER: f64 = 0.25;
+/// Residual of the points that others see, where it can be reached.
+const FINAL_TOLERANCE: f64 = 1e-12;
 /// Residual at which points at a border are looked at.
 const ROUGH: f64 = 1e-5;
-/// Halvings of the angle between samples of a rim where it may open.
-const CLOSER: usize = 4;
-/// A radius shrinks by this factor.
-const SHRINK: f64 = 0.7;
-/// Radii do not shrink below this fraction of ρ, or ε where that is less.
-const LEAST_RADIUS: f64 = 0.1;
-/// A chart's first radius is at most this multiple of that of its parent.
-const GROWTH: f64 = 1.3;
 
 /// Parameters of a [`Continuation`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +68,7 @@ pub struct ContinuationOptions {
     /// of it where that does not suffice.
     pub stride: f64,
     /// Angle, in radians, between the directions in which the rim of a domain is
-    /// searched for a way on, before a border is taken for closed.
+    /// searched for a way on where no values of limits or contacts guide the search.
     pub rim_angle: f64,
 }
 
@@ -183,7 +173,7 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Continuation<'a, M, V> {
         if !(1..=MAX_DIMENSION).contains(&k) {
             return Err(ContinuationError::Dimension(k));
         }
-        if let Some((border, _)) = broken_limit(self.manifold, start) {
+        if let Some(border) = broken_limit(self.manifold, start) {
             let border = border.name(self.manifold);
             return Err(ContinuationError::Invalid(format!("it exceeds {border}")));
         }
@@ -205,416 +195,20 @@ impl<'a, M: ImplicitManifold + ?Sized, V: Validity> Continuation<'a, M, V> {
     }
 }
 
-/// What lies in a direction from a centre.
-enum Outlook {
-    /// A valid point, in `Front::there` and `Front::memory_there`.
-    Open,
-    /// The component ends before; with the value of the limit or contact there,
-    /// where there is one: it is broken less, the larger this is.
-    Ends(Border, f64),
-    /// The chart does not represent the manifold there.
-    Poor,
-}
-
-/// The state of a continuation.
-struct Front<'p, M: ?Sized, V: Validity> {
-    continuation: &'p Continuation<'p, M, V>,
-    atlas: ComponentAtlas,
-    /// What validity remembers of each centre.
-    memories: Vec<V::Memory>,
-    queue: VecDeque<usize>,
-    queued: Vec<bool>,
-    borders: BTreeMap<Border, usize>,
-    tests: usize,
-    work: Workspace,
-    there: Vec<f64>,
-    memory_there: V::Memory,
-    memory_before: V::Memory,
-    /// The contact last found violated, and scratch for its gradient.
-    last_contact: Option<usize>,
-    row: SparseRow,
-}
-
-/// A direction in which the component ends, and the value of what ends it.
-type Sample<'r> = (&'r Vec<f64>, f64);
-
-impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
-    fn new(continuation: &'p Continuation<'p, M, V>, dimension: usize) -> Self {
-        Self {
-            continuation,
-            atlas: ComponentAtlas::new(dimension, continuation.options.domain),
-            memories: Vec::new(),
-            queue: VecDeque::new(),
-            queued: Vec::new(),
-            borders: BTreeMap::new(),
-            tests: 0,
-            work: Workspace::default(),
-            there: vec![0.0; continuation.manifold.ambient_dimension()],
-            memory_there: continuation.validity.memory(),
-            memory_before: continuation.validity.memory(),
-            last_contact: None,
-            row: SparseRow::default(),
-        }
-    }
-
-    fn add(
-        &mut self,
-        center: &[f64],
-        parent: Option<usize>,
-        memory: V::Memory,
-    ) -> Result<(), ManifoldError> {
-        let largest = self.continuation.options.domain.radius;
-        let radius = parent.map_or(largest, |p| largest.min(GROWTH * self.atlas.radius(p)));
-        let manifold = self.continuation.manifold;
-        let new = self
-            .atlas
-            .insert(manifold, center, radius, parent, &mut self.work)?;
-        self.memories.push(memory);
-        self.queued.push(false);
-        self.enqueue(new);
-        Ok(())
-    }
-
-    fn enqueue(&mut self, chart: usize) {
-        if !std::mem::replace(&mut self.queued[chart], true) {
-            self.queue.push_back(chart);
-        }
-    }
-
-    /// Advances until no polytope has an open vertex outside of its radius.
-    fn run(&mut self, go_on: &mut dyn FnMut(usize) -> bool) -> bool {
-        while let Some(chart) = self.queue.pop_front() {
-            self.queued[chart] = false;
-            while let Some(vertex) = self.open_vertex(chart) {
-                let count = self.atlas.len();
-                if count >= self.continuation.options.max_charts || !go_on(count) {
-                    return false;
-                }
-                self.advance(chart, vertex);
-            }
-            if self.bends_within(chart) {
-                self.shrink(chart);
-                self.enqueue(chart);
-            }
-        }
-        true
-    }
-
-    /// Whether the manifold leaves the tangent space of a chart by more than ε at a
-    /// corner of its cell within its radius, where no direction was looked in.
-    fn bends_within(&mut self, chart: usize) -> bool {
-        let manifold = self.continuation.manifold;
-        let error = self.continuation.options.domain.error;
-        if !self.can_shrink(chart) {
-            return false;
-        }
-        let Self {
-            atlas, there, work, ..
-        } = self;
-        let (here, x) = (atlas.chart(chart), there);
-        let vertices = atlas.cell(chart).vertices().iter();
-        vertices.filter(|v| !atlas.is_exterior(chart, v)).any(|v| {
-            here.exp(manifold, &v.point, x, ROUGH, work).is_ok()
-                && squared_distance(x, here.center()) - dot(&v.point, &v.point) > error.powi(2)
-                && broken_limit(manifold, x).is_none()
-        })
-    }
-
-    fn can_shrink(&self, chart: usize) -> bool {
-        let domain = &self.continuation.options.domain;
-        let least = (LEAST_RADIUS * domain.radius).min(domain.error);
-        SHRINK * self.atlas.radius(chart) >= least
-    }
-
-    /// Gives a chart a smaller radius; those around it may have to reach farther.
-    fn shrink(&mut self, chart: usize) {
-        self.atlas.shrink(chart, SHRINK * self.atlas.radius(chart));
-        let around: Vec<usize> = self.atlas.neighbours(chart).collect();
-        around.into_iter().for_each(|j| self.enqueue(j));
-    }
-
-    /// The farthest vertex of a chart that is outside of its radius and not
-    /// closed.
-    fn open_vertex(&self, chart: usize) -> Option<usize> {
-        let vertices = self.atlas.cell(chart).vertices().iter().enumerate();
-        vertices
-            .filter(|(_, v)| !v.closed && self.atlas.is_exterior(chart, v))
-            .max_by(|(_, a), (_, b)| dot(&a.point, &a.point).total_cmp(&dot(&b.point, &b.point)))
-            .map(|(i, _)| i)
-    }
-
-    /// Adds a chart in the direction of a vertex or near it, shrinks the chart,
-    /// or closes the vertex.
-    fn advance(&mut self, chart: usize, vertex: usize) {
-        let cell = self.atlas.cell(chart);
-        let radius = self.atlas.radius(chart);
-        let rim = frontier::rim(cell, vertex, radius, self.continuation.options.rim_angle);
-        let mut reason = None;
-        if self.search_rim(chart, &rim, &mut reason).is_continue() {
-            self.atlas.cell_mut(chart).close(vertex);
-            let border = reason.unwrap_or(Border::Curvature);
-            *self.borders.entry(border).or_default() += 1;
-        }
-    }
-
-    /// Looks along the rim for a way on: at the samples, and then more closely where
-    /// the border recedes most between them.
-    fn search_rim(
-        &mut self,
-        chart: usize,
-        rim: &Rim,
-        reason: &mut Option<Border>,
-    ) -> ControlFlow<()> {
-        let vertex = self.attempt(chart, &rim.vertex, true, reason)?;
-        let mut arms = Vec::with_capacity(rim.arms.len());
-        for arm in &rim.arms {
-            arms.push(self.attempt_all(chart, arm, reason)?);
-        }
-        for arc in &rim.between {
-            let values = self.attempt_all(chart, arc, reason)?;
-            let samples: Vec<Sample> = arc.iter().zip(values).collect();
-            self.look_closely(chart, &samples, reason)?;
-        }
-        for (i, a) in arms.iter().enumerate() {
-            for (j, b) in arms.iter().enumerate().skip(i + 1) {
-                let there = rim.arms[i].iter().zip(a.iter().copied()).rev();
-                let back = rim.arms[j].iter().zip(b.iter().copied());
-                let samples: Vec<Sample> =
-                    there.chain([(&rim.vertex, vertex)]).chain(back).collect();
-                self.look_closely(chart, &samples, reason)?;
-            }
-        }
-        ControlFlow::Continue(())
-    }
-
-    fn attempt_all(
-        &mut self,
-        chart: usize,
-        directions: &[Vec<f64>],
-        reason: &mut Option<Border>,
-    ) -> ControlFlow<(), Vec<f64>> {
-        let mut values = Vec::with_capacity(directions.len());
-        for direction in directions {
-            values.push(self.attempt(chart, direction, false, reason)?);
-        }
-        ControlFlow::Continue(values)
-    }
-
-    /// Halves the angle between samples about each that is broken less than those
-    /// next to it, as long as the value may reach zero in between: were it concave,
-    /// it would rise on one side of the sample by no more than it falls on the other.
-    fn look_closely(
-        &mut self,
-        chart: usize,
-        samples: &[Sample],
-        reason: &mut Option<Border>,
-    ) -> ControlFlow<()> {
-        for triple in samples.windows(3) {
-            let [mut left, mut top, mut right] =
-                [0, 1, 2].map(|i| (triple[i].0.clone(), triple[i].1));
-            for _ in 0..CLOSER {
-                let rise = top.1 - left.1.min(right.1);
-                let peaks = top.1 >= left.1.max(right.1);
-                if !peaks || !rise.is_finite() || top.1 + rise < 0.0 {
-                    break;
-                }
-                for side in [&mut left, &mut right] {
-                    let direction = frontier::middle(&side.0, &top.0);
-                    let value = self.attempt(chart, &direction, false, reason)?;
-                    let middle = (direction, value);
-                    *side = if value > top.1 {
-                        std::mem::replace(&mut top, middle)
-                    } else {
-                        middle
-                    };
-                }
-            }
-        }
-        ControlFlow::Continue(())
-    }
-
-    /// Looks in a direction. Adds a chart if there is a way on; shrinks the chart
-    /// if it does not represent the manifold there and this is the direction
-    /// of the vertex. Otherwise tells how far the border's limit is broken.
-    fn attempt(
-        &mut self,
-        chart: usize,
-        direction: &[f64],
-        is_vertex: bool,
-        reason: &mut Option<Border>,
-    ) -> ControlFlow<(), f64> {
-        match self.look(chart, direction) {
-            Outlook::Open => {
-                let center = self.there.clone();
-                let memory = self.memory_there.clone();
-                match self.add(&center, Some(chart), memory) {
-                    Ok(()) => return ControlFlow::Break(()),
-                    Err(_) => *reason = reason.or(Some(Border::Singular)),
-                }
-            }
-            Outlook::Ends(border, value) => {
-                *reason = reason.or(Some(border));
-                return ControlFlow::Continue(value);
-            }
-            // Elsewhere, the vertex that is nearer will tell.
-            Outlook::Poor if is_vertex => {
-                if self.can_shrink(chart) {
-                    self.shrink(chart);
-                    return ControlFlow::Break(());
-                }
-                *reason = Some(Border::Curvature);
-            }
-            Outlook::Poor => {}
-        }
-        ControlFlow::Continue(f64::NEG_INFINITY)
-    }
-
-    /// What lies at the radius of a chart in a direction (of length 1): roughly
-    /// first, since most looks end at a border.
-    fn look(&mut self, chart: usize, direction: &[f64]) -> Outlook {
-        let tolerance = self.continuation.options.tolerance;
-        match self.look_within(chart, direction, tolerance.max(ROUGH)) {
-            Outlook::Open => self.look_within(chart, direction, tolerance),
-            outlook => outlook,
-        }
-    }
-
-    fn look_within(&mut self, chart: usize, direction: &[f64], tolerance: f64) -> Outlook {
-        let radius = self.atlas.radius(chart);
-        let options = &self.continuation.options;
-        let manifold = self.continuation.manifold;
-        let here = self.atlas.chart(chart);
-        let at = |s: f64| -> Vec<f64> { direction.iter().map(|d| s * radius * d).collect() };
-        let mut x = std::mem::take(&mut self.there);
-        let represented = here
-            .exp(manifold, &at(1.0), &mut x, tolerance, &mut self.work)
-            .is_ok()
-            && {
-                let square = squared_distance(&x, here.center());
-                square - radius * radius <= options.domain.error.powi(2)
-                    && radius >= options.domain.cosine * square.sqrt()
-            };
-        let outlook = if represented {
-            match broken_limit(manifold, &x) {
-                Some((border, value)) => Outlook::Ends(border, value),
-                None => match self.contact_at(chart, &x) {
-                    Some((contact, value)) => Outlook::Ends(Border::Contact(contact), value),
-                    None => self.go(chart, &x, tolerance),
-                },
-            }
-        } else {
-            // Beyond a border the manifold may be anything.
-            let mut middle = vec![0.0; x.len()];
-            let ends = here
-                .exp(manifold, &at(0.5), &mut middle, tolerance, &mut self.work)
-                .ok()
-                .and_then(|()| broken_limit(manifold, &middle));
-            ends.map_or(Outlook::Poor, |(border, _)| {
-                Outlook::Ends(border, f64::NEG_INFINITY)
-            })
-        };
-        self.there = x;
-        outlook
-    }
-
-    /// A contact violated at x, reached from a chart, and its value.
-    fn contact_at(&mut self, chart: usize, x: &[f64]) -> Option<(usize, f64)> {
-        // Along a rim it is mostly the same one.
-        if let Some(contact) = self.last_contact {
-            let value = self.contact_value(contact, x);
-            if value < 0.0 {
-                return Some((contact, value));
-            }
-        }
-        let (from, there) = (&self.memories[chart], &mut self.memory_there);
-        let mut violated = Vec::new();
-        // Without points between, only the end is judged.
-        let validity = self.continuation.validity;
-        let _ = validity.step(from, x, there, &mut |_, _| false, &mut violated);
-        self.last_contact = violated.first().copied();
-        let contact = self.last_contact?;
-        Some((contact, self.contact_value(contact, x)))
-    }
-
-    fn contact_value(&mut self, contact: usize, x: &[f64]) -> f64 {
-        let (memory, row) = (&mut self.memory_there, &mut self.row);
-        row.clear();
-        let value = self.continuation.validity.contact(contact, x, memory, row);
-        value.unwrap_or(f64::NEG_INFINITY)
-    }
-
-    /// Tests the way from the centre of a chart to x, straight in tangent
-    /// coordinates. Where long steps do not show it to be free, short ones may.
-    fn go(&mut self, chart: usize, x: &[f64], tolerance: f64) -> Outlook {
-        let stride = self.continuation.options.stride;
-        match self.go_in_steps(chart, x, tolerance, stride) {
-            Outlook::Ends(Border::Blocked, _) => {
-                self.go_in_steps(chart, x, tolerance, FINER * stride)
-            }
-            outlook => outlook,
-        }
-    }
-
-    fn go_in_steps(&mut self, chart: usize, x: &[f64], tolerance: f64, stride: f64) -> Outlook {
-        self.tests += 1;
-        let Continuation {
-            manifold, validity, ..
-        } = *self.continuation;
-        let here = self.atlas.chart(chart);
-        let radius = self.atlas.radius(chart);
-        let steps = (radius / stride).ceil().max(1.0) as usize;
-        let mut from = vec![0.0; x.len()];
-        let mut to = here.center().to_vec();
-        let mut violated = Vec::new();
-        for step in 1..=steps {
-            from.copy_from_slice(&to);
-            let s = step as f64 / steps as f64;
-            if step == steps {
-                to.copy_from_slice(x);
-            } else {
-                interpolate(here.center(), x, s, &mut to);
-                if here
-                    .retract(manifold, &mut to, tolerance, &mut self.work)
-                    .is_err()
-                {
-                    return Outlook::Poor;
-                }
-                if let Some((border, _)) = broken_limit(manifold, &to) {
-                    return Outlook::Ends(border, f64::NEG_INFINITY);
-                }
-            }
-            let memory = if step == 1 {
-                &self.memories[chart]
-            } else {
-                std::mem::swap(&mut self.memory_before, &mut self.memory_there);
-                &self.memory_before
-            };
-            let work = &mut self.work;
-            let mut between = |s: f64, y: &mut [f64]| {
-                interpolate(&from, &to, s, y);
-                here.retract(manifold, y, tolerance, work).is_ok()
-            };
-            violated.clear();
-            match validity.step(
-                memory,
-                &to,
-                &mut self.memory_there,
-                &mut between,
-                &mut violated,
-            ) {
-                Ok(()) => {}
-                Err(Obstruction::Contacts) => {
-                    let contact = violated.first().copied();
-                    let border = contact.map_or(Border::Blocked, Border::Contact);
-                    return Outlook::Ends(border, f64::NEG_INFINITY);
-                }
-                Err(Obstruction::Blocked) => {
-                    return Outlook::Ends(Border::Blocked, f64::NEG_INFINITY);
-                }
-            }
-        }
-        Outlook::Open
-    }
+/// Puts x on the manifold along the normal space of a chart, to rounding where that
+/// can be reached and otherwise to `tolerance`; `false` where there is no point.
+fn settle<M: ImplicitManifold + ?Sized>(
+    chart: &Chart,
+    manifold: &M,
+    x: &mut [f64],
+    tolerance: f64,
+    work: &mut Workspace,
+) -> bool {
+    let before = x.to_vec();
+    [FINAL_TOLERANCE, tolerance].into_iter().any(|tolerance| {
+        x.copy_from_slice(&before);
+        chart.retract(manifold, x, tolerance, work).is_ok()
+    })
 }
 
 /// y = a + s (b − a).

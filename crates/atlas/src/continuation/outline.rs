@@ -45,9 +45,7 @@ impl ComponentAtlas {
     ) -> Vec<OutlinePoint> {
         let corners = self.corners(manifold, index, work);
         let ends = |x: &[f64]| {
-            broken_limit(manifold, x)
-                .map(|(border, _)| border)
-                .or_else(|| (!validity.is_valid(x)).then_some(Border::Blocked))
+            broken_limit(manifold, x).or_else(|| (!validity.is_valid(x)).then_some(Border::Blocked))
         };
         // Corners that are no one else's and valid stand as they are.
         let mut rays: Vec<(Vec<f64>, Option<Vec<f64>>)> = Vec::new();

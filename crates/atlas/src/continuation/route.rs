@@ -10,13 +10,11 @@ use std::{cmp::Ordering, collections::BinaryHeap};
 use crate::{
     atlas::squared_distance,
     chart::Workspace,
-    continuation::{border::broken_limit, component::ComponentAtlas, interpolate},
+    continuation::{border::broken_limit, component::ComponentAtlas, interpolate, settle},
     manifold::ImplicitManifold,
     validity::Validity,
 };
 
-/// Residual of the points of a route, where it can be reached.
-const FINAL_TOLERANCE: f64 = 1e-12;
 /// A point of a route may be this many times farther from the last than wanted.
 const LONGEST: f64 = 2.0;
 /// Halvings of the step towards the largest displacement.
@@ -312,7 +310,11 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> RouteSearch<'_, M, V> {
             if step < steps {
                 interpolate(&a, &b, step as f64 / steps as f64, &mut x);
                 let node = if 2 * step <= steps { from } else { to };
-                self.put_on(self.chart_of(node), &mut x)?;
+                let chart = self.atlas.chart(self.chart_of(node));
+                let tolerance = self.options.tolerance;
+                if !settle(chart, self.manifold, &mut x, tolerance, &mut self.work) {
+                    return None;
+                }
             }
             let previous = way.last().unwrap_or(&a);
             if squared_distance(previous, &x) > longest * longest
@@ -323,22 +325,6 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> RouteSearch<'_, M, V> {
             way.push(x);
         }
         Some(way)
-    }
-
-    /// Puts x on the manifold along the normal space of a chart.
-    fn put_on(&mut self, chart: usize, x: &mut [f64]) -> Option<()> {
-        let before = x.to_vec();
-        let chart = self.atlas.chart(chart);
-        for tolerance in [FINAL_TOLERANCE, self.options.tolerance] {
-            x.copy_from_slice(&before);
-            if chart
-                .retract(self.manifold, x, tolerance, &mut self.work)
-                .is_ok()
-            {
-                return Some(());
-            }
-        }
-        None
     }
 
     fn is_valid(&mut self, from: usize, to: usize, way: &[Vec<f64>]) -> bool {
