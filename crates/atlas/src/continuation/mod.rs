@@ -52,7 +52,7 @@ use front::Front;
 /// Residual of the points that others see, where it can be reached.
 const FINAL_TOLERANCE: f64 = 1e-12;
 /// Residual at which points at a border are looked at.
-const ROUGH: f64 = 1e-5;
+const ROUGH: f64 = 1e-4;
 
 /// Parameters of a [`Continuation`].
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -34,10 +34,10 @@ const INNER: f64 = 0.15;
 /// those at the centre; that of a second harmonic is 4.
 const BEND: f64 = 8.0;
 /// Absolute slack of values, that of points looked at roughly.
-const ROUGH_VALUE: f64 = 1e-5;
+const ROUGH_VALUE: f64 = 1e-4;
 /// Edges are searched from corners where the manifold is farther from the chart than
 /// this, relative to what is allowed.
-const NEARLY: f64 = -0.5;
+const NEARLY: f64 = -0.3;
 
 /// Where an edge from a vertex outside of the sphere enters it; where it does
 /// not, its point nearest to the sphere.
