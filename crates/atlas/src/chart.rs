@@ -177,7 +177,10 @@ impl Chart {
     /// y = B f, both padded.
     #[inline(always)]
     fn times_pseudo_inverse(&self, f: &[Lanes], y: &mut [Lanes]) {
-        for (y, panel) in y.iter_mut().zip(self.panels()) {
+        let mut panels = &self.pseudo_inverse[..];
+        for y in y {
+            let (panel, rest) = panels.split_at(LANES * f.len());
+            panels = rest;
             let mut sum = [0.0; LANES];
             for (f, [a, b, c, d]) in f.iter().zip(panel.as_chunks::<LANES>().0) {
                 for i in 0..LANES {
@@ -361,16 +364,21 @@ impl Chart {
     /// algorithm `brsol`); −F(x) is in the workspace. `false` where the update
     /// breaks down.
     fn chord_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
+        // Of known length, the vectors of small structures stay in registers.
         vectorised(
             #[inline(always)]
-            || self.broyden_step(x, work),
+            || match blocks(x.len()) {
+                2 => self.broyden_step(2, x, work),
+                3 => self.broyden_step(3, x, work),
+                4 => self.broyden_step(4, x, work),
+                length => self.broyden_step(length, x, work),
+            },
         )
     }
 
     #[inline(always)]
-    fn broyden_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
+    fn broyden_step(&self, length: usize, x: &mut [f64], work: &mut Workspace) -> bool {
         work.chord_iterations += 1;
-        let length = blocks(x.len());
         let count = work.lengths.len();
         if work.steps.len() < (count + 1) * length {
             work.steps.resize((count + 1) * length, [0.0; LANES]);
