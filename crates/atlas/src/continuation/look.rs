@@ -110,7 +110,10 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
         let center = self.atlas.chart(chart).center().to_vec();
         match self.go(chart, (&center, &memory), &sight.point) {
             Way::Free => Outlook::Open,
-            Way::Ends(border) => Outlook::Blocked(border),
+            Way::Ends(border) if self.continuation.validity.is_valid(&sight.point) => {
+                Outlook::Blocked(border)
+            }
+            Way::Ends(border) => Outlook::Ends(border, Sight::nothing(direction.to_vec())),
             Way::Poor => Outlook::Poor(0.5 * radius),
         }
     }

@@ -197,12 +197,18 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, '_, M, V> {
         }
         let bulge = BEND * square / 8.0;
         let mut lines = Vec::new();
+        let mut unknown = false;
         let mut add = |ends: [f64; 2], center: f64| {
             let scale = (ends[0] - center).abs().max((ends[1] - center).abs());
-            let ends = ends.map(|value| value + bulge * scale + ROUGH_VALUE);
-            // What is not violated at either end says nothing.
-            if ends[0].min(ends[1]) < 0.0 && ends.iter().all(|v| v.is_finite()) {
-                lines.push(ends);
+            let raised = ends.map(|value| value + bulge * scale + ROUGH_VALUE);
+            if raised.iter().all(|value| value.is_finite()) {
+                // What is not violated at either end says nothing.
+                if raised[0].min(raised[1]) < 0.0 {
+                    lines.push(raised);
+                }
+            } else if ends.iter().any(|value| !(*value >= 0.0)) {
+                // Violated in a way that has no measure.
+                unknown = true;
             }
         };
         for ((&a, &b), &center) in a.values.iter().zip(&b.values).zip(&self.at_center) {
@@ -219,6 +225,9 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, '_, M, V> {
             });
             let center = front.atlas.chart(self.chart).center().to_vec();
             add(ends, front.contact_value(contact, &center));
+        }
+        if unknown && width <= FINER * rim_angle {
+            return None;
         }
         let (share, value) = highest(&lines);
         (value >= 0.0).then_some(share.clamp(INNER, 1.0 - INNER))
