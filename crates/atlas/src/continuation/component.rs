@@ -112,9 +112,9 @@ impl ComponentAtlas {
         let mut work = Workspace::default();
         for (i, (center, radius, parent)) in charts.into_iter().enumerate() {
             crate::input::on_manifold(manifold, &center).map_err(|error| (i, error))?;
-            atlas
-                .insert(manifold, &center, radius, parent, &mut work)
-                .map_err(|error| (i, error))?;
+            let chart =
+                Chart::new(manifold, &center, dimension, &mut work).map_err(|error| (i, error))?;
+            atlas.insert(manifold, chart, radius, parent, &mut work);
         }
         Ok(atlas)
     }
@@ -186,17 +186,18 @@ impl ComponentAtlas {
         &mut self.cells[index]
     }
 
-    /// Adds a chart, and cuts its polytope and those of its neighbours. Cost: one
-    /// chart, and a cut for each chart nearby.
+    /// Adds a chart, and cuts its polytope and those of its neighbours. Cost: a cut for
+    /// each chart nearby.
     pub(super) fn insert<M: ImplicitManifold + ?Sized>(
         &mut self,
         manifold: &M,
-        center: &[f64],
+        chart: Chart,
         radius: f64,
         parent: Option<usize>,
         work: &mut Workspace,
-    ) -> Result<usize, ManifoldError> {
-        let chart = Chart::new(manifold, center, self.dimension, work)?;
+    ) -> usize {
+        let center = chart.center().to_vec();
+        let center = &center[..];
         let new = self.charts.len();
         let width = 2.0 * self.domain.radius;
         let index = self
@@ -225,7 +226,7 @@ impl ComponentAtlas {
                 self.neighbours[other].push(there);
             }
         }
-        Ok(new)
+        new
     }
 
     /// Two charts as neighbours of each other; none when they lie on different

@@ -2,9 +2,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::{Border, ComponentAtlas, Continuation};
+use super::{Border, ComponentAtlas, Continuation, broken_limit, look::fit};
 use crate::{
-    chart::Workspace,
+    chart::{Chart, Workspace},
     error::ManifoldError,
     manifold::{ImplicitManifold, SparseRow},
     qr::dot,
@@ -63,15 +63,37 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
         memory: V::Memory,
     ) -> Result<(), ManifoldError> {
         let largest = self.continuation.options.domain.radius;
-        let radius = parent.map_or(largest, |p| largest.min(GROWTH * self.atlas.radius(p)));
+        let largest = parent.map_or(largest, |p| largest.min(GROWTH * self.atlas.radius(p)));
         let manifold = self.continuation.manifold;
+        let chart = Chart::new(manifold, center, self.atlas.dimension(), &mut self.work)?;
+        let radius = self.first_radius(&chart, largest);
         let new = self
             .atlas
-            .insert(manifold, center, radius, parent, &mut self.work)?;
+            .insert(manifold, chart, radius, parent, &mut self.work);
         self.memories.push(memory);
         self.queued.push(false);
         self.enqueue(new);
         Ok(())
+    }
+
+    /// How far a chart represents the manifold along its axes: charts that need not shrink
+    /// later save cuts.
+    fn first_radius(&mut self, chart: &Chart, largest: f64) -> f64 {
+        let manifold = self.continuation.manifold;
+        let domain = &self.continuation.options.domain;
+        let mut radius = largest;
+        for axis in 0..chart.dimension() {
+            for sign in [1.0, -1.0] {
+                let mut direction = vec![0.0; chart.dimension()];
+                direction[axis] = sign;
+                let Self { there, work, .. } = self;
+                let reach = fit(manifold, domain, chart, &direction, radius, there, work).reach;
+                if reach < radius && broken_limit(manifold, there).is_none() {
+                    radius = reach.max(self.least_radius());
+                }
+            }
+        }
+        radius
     }
 
     fn enqueue(&mut self, chart: usize) {

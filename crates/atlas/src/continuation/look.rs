@@ -7,7 +7,8 @@ use super::{
     interpolate, settle,
 };
 use crate::{
-    atlas::squared_distance,
+    atlas::{ChartDomain, squared_distance},
+    chart::{Chart, Workspace},
     manifold::ImplicitManifold,
     validity::{Obstruction, Validity},
 };
@@ -160,41 +161,27 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
         None
     }
 
-    /// How far a chart represents the manifold in a direction (of length 1), at most
-    /// up to `length`: within ε of its tangent space, and no steeper than its domain
-    /// says. `there` becomes the point of the manifold at that distance.
+    /// How far a chart represents the manifold in a direction, at most up to `length`.
+    /// `there` becomes the point of the manifold at that distance.
     pub(super) fn fit(&mut self, chart: usize, direction: &[f64], length: f64) -> Fit {
-        let domain = &self.continuation.options.domain;
-        let manifold = self.continuation.manifold;
-        let here = self.atlas.chart(chart);
-        let mut t = vec![0.0; direction.len()];
-        let mut fit = Fit {
-            reach: length,
-            excess: f64::NAN,
-        };
-        loop {
-            let coordinates = t.iter_mut().zip(direction);
-            coordinates.for_each(|(t, d)| *t = fit.reach * d);
-            let found = here.exp(manifold, &t, &mut self.there, ROUGH, &mut self.work);
-            let excess = if found.is_ok() {
-                let square = squared_distance(&self.there, here.center());
-                let offset = (square - fit.reach * fit.reach).max(0.0).sqrt();
-                let steepness = square.sqrt() / fit.reach - 1.0;
-                (offset / domain.error)
-                    .max(steepness / (1.0 / domain.cosine - 1.0).max(f64::EPSILON))
-                    - 1.0
-            } else {
-                3.0
-            };
-            if fit.excess.is_nan() {
-                fit.excess = excess;
-            }
-            if excess <= 0.0 || fit.reach < LEAST_REACH * length {
-                return fit;
-            }
-            // The offset grows about with the square of the distance.
-            fit.reach *= (1.0 / (1.0 + excess)).sqrt().clamp(RETREAT[0], RETREAT[1]);
-        }
+        let Self {
+            continuation,
+            atlas,
+            there,
+            work,
+            ..
+        } = self;
+        let domain = &continuation.options.domain;
+        let here = atlas.chart(chart);
+        fit(
+            continuation.manifold,
+            domain,
+            here,
+            direction,
+            length,
+            there,
+            work,
+        )
     }
 
     /// What is seen at `there`, and the bound or limit that is violated, if any.
@@ -315,6 +302,47 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
             }
         }
         Way::Free
+    }
+}
+
+/// How far a chart represents the manifold in a direction (of length 1), at most up to
+/// `length`: within ε of its tangent space, and no steeper than its domain says. `there`
+/// becomes the point of the manifold at that distance.
+pub(super) fn fit<M: ImplicitManifold + ?Sized>(
+    manifold: &M,
+    domain: &ChartDomain,
+    here: &Chart,
+    direction: &[f64],
+    length: f64,
+    there: &mut [f64],
+    work: &mut Workspace,
+) -> Fit {
+    let mut t = vec![0.0; direction.len()];
+    let mut fit = Fit {
+        reach: length,
+        excess: f64::NAN,
+    };
+    loop {
+        let coordinates = t.iter_mut().zip(direction);
+        coordinates.for_each(|(t, d)| *t = fit.reach * d);
+        let excess = if here.exp(manifold, &t, there, ROUGH, work).is_ok() {
+            let square = squared_distance(there, here.center());
+            let offset = (square - fit.reach * fit.reach).max(0.0).sqrt();
+            let steepness = square.sqrt() / fit.reach - 1.0;
+            let steepest = (1.0 / domain.cosine - 1.0).max(f64::EPSILON);
+            (offset / domain.error).max(steepness / steepest) - 1.0
+        } else {
+            3.0
+        };
+        if fit.excess.is_nan() {
+            fit.excess = excess;
+        }
+        if excess <= 0.0 || fit.reach < LEAST_REACH * length {
+            return fit;
+        }
+        // The offset grows about with the square of the distance.
+        let retreat = (1.0 / (1.0 + excess)).sqrt();
+        fit.reach *= retreat.clamp(RETREAT[0], RETREAT[1]);
     }
 }
 
