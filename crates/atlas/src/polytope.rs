@@ -8,7 +8,7 @@
 //! and for each pair of a vertex kept and one removed a look at the others; there
 //! are a handful of vertices for k = 2, some dozens for k = 3.
 
-use crate::qr::dot;
+use crate::{atlas::squared_distance, qr::dot};
 
 /// A half-space tᵀ normal ≤ offset that bounds a polytope.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,10 +109,8 @@ impl Polytope {
     pub(crate) fn keep_closed(&mut self, other: &Self, distance: f64) {
         let same = |vertex: usize| {
             let point = &self.vertices[vertex].point;
-            other.vertices.iter().find(|v| {
-                let apart = v.point.iter().zip(point).map(|(a, b)| (a - b).powi(2));
-                apart.sum::<f64>() <= distance * distance
-            })
+            let near = |v: &&Vertex| squared_distance(&v.point, point) <= distance * distance;
+            other.vertices.iter().find(near)
         };
         let known: Vec<usize> = (0..self.vertices.len())
             .filter(|&v| {

@@ -156,89 +156,39 @@ fn radii_shrink_until_charts_are_as_accurate_as_asked() {
     }
 }
 
-/// The unit sphere between two heights: a bound of a variable and a limit.
-struct Belt(Sphere);
-
-impl ImplicitManifold for Belt {
-    fn ambient_dimension(&self) -> usize {
-        3
-    }
-
-    fn equation_count(&self) -> usize {
-        1
-    }
-
-    fn residual(&self, x: &[f64], residual: &mut [f64]) {
-        self.0.residual(x, residual);
-    }
-
-    fn jacobian_pattern(&self) -> &SparsityPattern {
-        self.0.jacobian_pattern()
-    }
-
-    fn jacobian(&self, x: &[f64], values: &mut [f64]) {
-        self.0.jacobian(x, values);
-    }
-
-    fn lower_bounds(&self) -> &[f64] {
-        &[-2.0, -2.0, -0.3]
-    }
-
-    fn upper_bounds(&self) -> &[f64] {
-        &[2.0; 3]
-    }
-
-    fn limit_count(&self) -> usize {
-        1
-    }
-
-    fn limits(&self, x: &[f64], values: &mut [f64]) {
-        values[0] = 0.6 - x[2];
-    }
-
-    fn limit_gradient(&self, _: usize, _: &[f64], row: &mut SparseRow) {
-        row.add(2, -1.0);
-    }
+/// The part of the unit sphere above lower bounds of the variables and where
+/// normal · x + offset ≥ 0.
+struct CutSphere {
+    sphere: Sphere,
+    lower: [f64; 3],
+    normal: [f64; 3],
+    offset: f64,
 }
 
-#[test]
-fn bounds_and_limits_are_borders_and_are_covered_up_to() {
-    let belt = Belt(Sphere::new());
-    let found = explore(&belt, &Everywhere, 0.3, &[1.0, 0.0, 0.0]);
-    assert!(found.complete);
-    let kinds: Vec<Border> = found.borders.keys().copied().collect();
-    assert_eq!(kinds, [Border::Lower(2), Border::Limit(0)]);
-    let heights = (0..found.atlas.len()).map(|i| found.atlas.chart(i).center()[2]);
-    assert!(heights.clone().all(|z| (-0.3..=0.6).contains(&z)));
-    assert!(uncovered(&belt, &Everywhere, &found.atlas, 2000).is_empty());
-    // The rims themselves are covered as well.
-    let mut work = Workspace::default();
-    for z in [-0.3_f64, 0.6] {
-        let out = (1.0 - z * z).sqrt();
-        for i in 0..200 {
-            let angle = std::f64::consts::TAU * f64::from(i) / 200.0;
-            let x = [out * angle.cos(), out * angle.sin(), z];
-            let chart = found.atlas.covering(&belt, &x, &mut work);
-            assert!(chart.is_some(), "{x:?}");
+impl CutSphere {
+    /// Between two heights: a bound of a variable and a limit.
+    fn belt() -> Self {
+        Self {
+            sphere: Sphere::new(),
+            lower: [-2.0, -2.0, -0.3],
+            normal: [0.0, 0.0, -1.0],
+            offset: 0.6,
+        }
+    }
+
+    /// Between two meridians, `angle` apart.
+    fn lune(angle: f64) -> Self {
+        let (sin, cos) = angle.sin_cos();
+        Self {
+            sphere: Sphere::new(),
+            lower: [-2.0, 0.0, -2.0],
+            normal: [sin, -cos, 0.0],
+            offset: 0.0,
         }
     }
 }
 
-/// The part of the unit sphere between two meridians, `angle` apart.
-struct Lune {
-    sphere: Sphere,
-    angle: f64,
-}
-
-impl Lune {
-    fn point(&self, share: f64, latitude: f64) -> [f64; 3] {
-        let (height, out) = latitude.sin_cos();
-        let (y, x) = (share * self.angle).sin_cos();
-        [out * x, out * y, height]
-    }
-}
-
-impl ImplicitManifold for Lune {
+impl ImplicitManifold for CutSphere {
     fn ambient_dimension(&self) -> usize {
         3
     }
@@ -260,8 +210,7 @@ impl ImplicitManifold for Lune {
     }
 
     fn lower_bounds(&self) -> &[f64] {
-        // The first meridian.
-        &[-2.0, 0.0, -2.0]
+        &self.lower
     }
 
     fn upper_bounds(&self) -> &[f64] {
@@ -273,33 +222,58 @@ impl ImplicitManifold for Lune {
     }
 
     fn limits(&self, x: &[f64], values: &mut [f64]) {
-        let (sin, cos) = self.angle.sin_cos();
-        values[0] = sin * x[0] - cos * x[1];
+        let along = self.normal.iter().zip(x).map(|(n, x)| n * x);
+        values[0] = self.offset + along.sum::<f64>();
     }
 
     fn limit_gradient(&self, _: usize, _: &[f64], row: &mut SparseRow) {
-        let (sin, cos) = self.angle.sin_cos();
-        row.add(0, sin);
-        row.add(1, -cos);
+        for (axis, &n) in self.normal.iter().enumerate() {
+            row.add(axis, n);
+        }
+    }
+}
+
+#[test]
+fn bounds_and_limits_are_borders_and_are_covered_up_to() {
+    let belt = CutSphere::belt();
+    let found = explore(&belt, &Everywhere, 0.3, &[1.0, 0.0, 0.0]);
+    assert!(found.complete);
+    let kinds: Vec<Border> = found.borders.keys().copied().collect();
+    assert_eq!(kinds, [Border::Lower(2), Border::Limit(0)]);
+    let heights = (0..found.atlas.len()).map(|i| found.atlas.chart(i).center()[2]);
+    assert!(heights.clone().all(|z| (-0.3..=0.6).contains(&z)));
+    assert!(uncovered(&belt, &Everywhere, &found.atlas, 2000).is_empty());
+    // The rims themselves are covered as well.
+    let mut work = Workspace::default();
+    for z in [-0.3_f64, 0.6] {
+        let out = (1.0 - z * z).sqrt();
+        for i in 0..200 {
+            let angle = std::f64::consts::TAU * f64::from(i) / 200.0;
+            let x = [out * angle.cos(), out * angle.sin(), z];
+            let chart = found.atlas.covering(&belt, &x, &mut work);
+            assert!(chart.is_some(), "{x:?}");
+        }
     }
 }
 
 #[test]
 fn components_are_followed_into_narrow_tips() {
     for angle in [1.0, 0.3, 0.1, 0.03, 0.01] {
-        let lune = Lune {
-            sphere: Sphere::new(),
-            angle,
+        let lune = CutSphere::lune(angle);
+        let point = |share: f64, latitude: f64| {
+            let (height, out) = latitude.sin_cos();
+            let (y, x) = (share * angle).sin_cos();
+            [out * x, out * y, height]
         };
         for (i, radius) in [0.15, 0.2, 0.27, 0.31, 0.4, 1.0].into_iter().enumerate() {
-            let start = lune.point(0.7, 0.1 * i as f64);
+            let start = point(0.7, 0.1 * i as f64);
             let found = explore(&lune, &Everywhere, radius, &start);
             assert!(found.complete);
             let mut work = Workspace::default();
             for (i, share) in [0.0, 0.01, 0.3, 0.5, 0.8, 1.0].into_iter().enumerate() {
                 for j in -100..=100 {
                     let latitude = 0.015 * f64::from(j) + 1e-3 * i as f64;
-                    let x = lune.point(share, latitude);
+                    let x = point(share, latitude);
                     let chart = found.atlas.covering(&lune, &x, &mut work);
                     assert!(chart.is_some(), "{angle} {radius}: {x:?}");
                 }
@@ -481,7 +455,7 @@ fn an_atlas_is_built_again_from_its_centres() {
 
 #[test]
 fn what_cannot_be_explored_is_refused() {
-    let belt = Belt(Sphere::new());
+    let belt = CutSphere::belt();
     let start = |x: &[f64]| {
         Continuation::new(&belt, &Everywhere, options(0.3))
             .explore(x, &mut |_| true)

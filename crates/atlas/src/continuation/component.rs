@@ -196,16 +196,14 @@ impl ComponentAtlas {
         parent: Option<usize>,
         work: &mut Workspace,
     ) -> usize {
-        let center = chart.center().to_vec();
-        let center = &center[..];
         let new = self.charts.len();
         let width = 2.0 * self.domain.radius;
         let index = self
             .index
             .get_or_insert_with(|| CenterIndex::new(&chart, width));
         let mut near = Vec::new();
-        index.near(center, &mut near);
-        index.insert(new, center);
+        index.near(chart.center(), &mut near);
+        index.insert(new, chart.center());
         self.charts.push(chart);
         self.radii.push(radius);
         self.parents.push(parent);
@@ -214,7 +212,8 @@ impl ComponentAtlas {
         // The parent is a neighbour in any case: it was left on its own sheet.
         near.retain(|&other| Some(other) != parent);
         for other in parent.into_iter().chain(near) {
-            let distance = squared_distance(center, self.charts[other].center());
+            let [from, to] = [new, other].map(|chart| self.charts[chart].center());
+            let distance = squared_distance(from, to);
             let known = Some(other) == parent;
             if !known && distance > (radius + self.radii[other]).powi(2) || distance == 0.0 {
                 continue;

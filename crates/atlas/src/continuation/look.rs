@@ -89,8 +89,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
     pub(super) fn look(&mut self, chart: usize, direction: &[f64]) -> Outlook {
         let radius = self.atlas.radius(chart);
         let fit = self.fit(chart, direction, radius);
-        let (border, mut sight) = self.see_limits(direction, fit);
-        if let Some(border) = border.or_else(|| self.see_contacts(chart, &mut sight)) {
+        let (border, mut sight) = self.see(chart, direction, fit);
+        if let Some(border) = border {
             return Outlook::Ends(border, sight);
         }
         if fit.reach < radius {
@@ -103,8 +103,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
             return Outlook::Poor(0.5 * radius);
         }
         self.there.copy_from_slice(&sight.point);
-        let (border, mut sight) = self.see_limits(direction, fit);
-        if let Some(border) = border.or_else(|| self.see_contacts(chart, &mut sight)) {
+        let (border, sight) = self.see(chart, direction, fit);
+        if let Some(border) = border {
             return Outlook::Ends(border, sight);
         }
         let memory = self.memories[chart].clone();
@@ -135,18 +135,11 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
         let start = self.memories[chart].clone();
         for (reach, turn) in DETOURS {
             for side in sideways(direction, turn) {
-                let scaled = |s: f64| -> Vec<f64> { side.iter().map(|t| s * radius * t).collect() };
                 let here = self.atlas.chart(chart);
+                let t: Vec<f64> = side.iter().map(|t| reach * radius * t).collect();
                 let mut point = vec![0.0; target.len()];
-                let found = here.exp(
-                    manifold,
-                    &scaled(reach),
-                    &mut point,
-                    tolerance,
-                    &mut self.work,
-                );
-                if found.is_err()
-                    || !settle(here, manifold, &mut point, tolerance, &mut self.work)
+                here.tangent_point(&t, &mut point);
+                if !settle(here, manifold, &mut point, tolerance, &mut self.work)
                     || broken_limit(manifold, &point).is_some()
                     || !matches!(self.go(chart, (&center, &start), &point), Way::Free)
                 {
@@ -182,6 +175,13 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
             there,
             work,
         )
+    }
+
+    /// What is seen at `there`, and the bound, limit or contact that is violated, if any.
+    fn see(&mut self, chart: usize, direction: &[f64], fit: Fit) -> (Option<Border>, Sight) {
+        let (border, mut sight) = self.see_limits(direction, fit);
+        let border = border.or_else(|| self.see_contacts(chart, &mut sight));
+        (border, sight)
     }
 
     /// What is seen at `there`, and the bound or limit that is violated, if any.

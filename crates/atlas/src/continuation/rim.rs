@@ -19,7 +19,7 @@ use super::{
     front::Front,
     look::{Outlook, Sight},
 };
-use crate::{manifold::ImplicitManifold, qr::dot, validity::Validity};
+use crate::{atlas::squared_distance, manifold::ImplicitManifold, qr::dot, validity::Validity};
 
 /// Arcs wider than this are halved in any case.
 const WIDEST: f64 = 0.25;
@@ -107,11 +107,12 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
             })
             .collect();
         let mut at_center = Vec::new();
-        let center = self.atlas.chart(chart).center();
-        border_values(self.continuation.manifold, center, &mut at_center);
+        let center = self.atlas.chart(chart).center().to_vec();
+        border_values(self.continuation.manifold, &center, &mut at_center);
         let mut search = Search {
             front: self,
             chart,
+            center,
             at_center,
             reason,
         };
@@ -145,7 +146,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
 struct Search<'s, 'p, M: ?Sized, V: Validity> {
     front: &'s mut Front<'p, M, V>,
     chart: usize,
-    /// Values of bounds and limits at the centre.
+    center: Vec<f64>,
+    /// Values of bounds and limits there.
     at_center: Vec<f64>,
     /// Why there is no way on.
     reason: &'s mut Option<Border>,
@@ -176,12 +178,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, '_, M, V> {
     /// Where on the arc between two directions what is searched for may lie, as a share
     /// of it; `None` where there is no room.
     fn promising(&mut self, a: &Sight, b: &Sight, part: Part) -> Option<f64> {
-        let square: f64 = a
-            .direction
-            .iter()
-            .zip(&b.direction)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum();
+        let square = squared_distance(&a.direction, &b.direction);
         let width = square.sqrt();
         if width < NARROWEST {
             return None;
@@ -223,8 +220,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, '_, M, V> {
                 Some((same, value)) if same == contact => value,
                 _ => front.contact_value(contact, &sight.point),
             });
-            let center = front.atlas.chart(self.chart).center().to_vec();
-            add(ends, front.contact_value(contact, &center));
+            add(ends, front.contact_value(contact, &self.center));
         }
         if unknown && width <= FINER * rim_angle {
             return None;
