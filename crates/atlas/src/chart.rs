@@ -177,6 +177,7 @@ impl Chart {
     /// y = B f, both padded.
     #[inline(always)]
     fn times_pseudo_inverse(&self, f: &[Lanes], y: &mut [Lanes]) {
+        // The innermost loop of all: what `panels` gives, without the division it begins with.
         let mut panels = &self.pseudo_inverse[..];
         for y in y {
             let (panel, rest) = panels.split_at(LANES * f.len());
