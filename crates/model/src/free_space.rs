@@ -1160,14 +1160,12 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
 
     fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {
         let nodes = self.manifold.structure().nodes.len();
-        let mut positions = [vec![Point3::origin(); nodes], vec![Point3::origin(); nodes]];
-        self.manifold.positions(a, &mut positions[0]);
-        self.manifold.positions(b, &mut positions[1]);
-        positions[0]
-            .iter()
-            .zip(&positions[1])
-            .map(|(a, b)| (a - b).norm())
-            .fold(0.0, f64::max)
+        let mut positions = vec![Point3::origin(); 2 * nodes];
+        let (from, to) = positions.split_at_mut(nodes);
+        self.manifold.positions(a, from);
+        self.manifold.positions(b, to);
+        let squares = from.iter().zip(to).map(|(a, b)| (*a - *b).norm_squared());
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     fn is_valid(&self, x: &[f64]) -> bool {

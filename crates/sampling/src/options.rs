@@ -90,7 +90,7 @@ impl Default for PlannerOptions {
             tolerance: 1e-5,
             slide: true,
             limit_margin: 2e-3,
-            contact_margin: 1e-3,
+            contact_margin: 3e-3,
             restart_nodes: 20_000,
             max_charts: 150_000,
             max_nodes: 250_000,

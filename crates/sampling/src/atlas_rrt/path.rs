@@ -12,7 +12,10 @@ use crate::{
 
 /// Residual of the points of the returned path.
 const FINAL_TOLERANCE: f64 = 1e-12;
-/// How often the gap between two nodes is halved.
+/// Points are put this fraction of the longest step apart: the way along the manifold
+/// is a little longer than that along the edges.
+const SPACING: f64 = 0.98;
+/// How often the gap between two points is halved.
 const HALVINGS: usize = 8;
 /// Corrections of a point that violates limits.
 const CORRECTIONS: usize = 8;
@@ -37,6 +40,13 @@ pub(super) struct NodeOf {
     node: usize,
 }
 
+/// Where the edges of a path meet.
+#[derive(Clone, Debug)]
+struct Corner {
+    x: Vec<f64>,
+    chart: usize,
+}
+
 impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     /// Figures of the search.
     pub(super) fn figures(&self, clock: &ThreadTime) -> Statistics {
@@ -50,7 +60,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     }
 
     /// The path through node `a` of the first tree and `b` of the second (or the
-    /// goal).
+    /// goal): points at equal spacing along the edges between them, which cut a corner
+    /// where that is valid.
     ///
     /// # Errors
     /// The node whose branch cannot be kept within the limits and clear at
@@ -62,31 +73,87 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         if self.trees.len() == 2 {
             nodes.extend(branch_of(&self.trees, 1, b));
         }
-        let mut points: Vec<Vec<f64>> = Vec::new();
-        for i in 0..=nodes.len() {
-            let (mut x, chart) = match nodes.get(i) {
-                Some(&NodeOf { tree, node }) => {
-                    let tree = &self.trees[tree];
-                    (tree.point(node).to_vec(), tree.chart(node))
-                }
-                None if self.trees.len() == 1 => (self.goal.clone(), self.goal_chart),
-                None => break,
-            };
-            // Where the trees meet, or where the branch leads away from the root:
-            // the node before.
-            let broken = nodes[if i < meeting { i } else { i - 1 }];
-            if self.settle(&mut x, chart).is_none() {
-                return Err(nodes.get(i).copied().unwrap_or(broken));
+        // Where the trees meet, or where the branch leads away from the root: the
+        // node before.
+        let edge_to = |corner: usize| nodes[if corner < meeting { corner } else { corner - 1 }];
+        let corners = self.corners(&nodes);
+        let steps = self.cumulated_steps(&corners);
+        let last = corners.len() - 1;
+        let mut x = corners[0].x.clone();
+        self.settle(&mut x, corners[0].chart).ok_or(nodes[0])?;
+        self.planner.validity.enter(&x, &mut self.memory);
+        self.here.x.copy_from_slice(&x);
+        let mut points = vec![x];
+        let pieces = (steps[last] / SPACING).ceil().max(1.0) as usize;
+        // The corner ahead.
+        let mut ahead = 1;
+        for piece in 1..=pieces {
+            let passed = ahead;
+            let mut x = vec![0.0; self.here.x.len()];
+            if piece == pieces {
+                ahead = last;
+                x.copy_from_slice(&corners[last].x);
+            } else {
+                let at = steps[last] * piece as f64 / pieces as f64;
+                ahead += steps[ahead..last].partition_point(|&steps| steps < at);
+                let s = (at - steps[ahead - 1]) / (steps[ahead] - steps[ahead - 1]);
+                interpolate(s, &corners[ahead - 1].x, &corners[ahead].x, &mut x);
             }
-            if points.is_empty() {
-                self.planner.validity.enter(&x, &mut self.memory);
-                self.here.x.copy_from_slice(&x);
-                points.push(x);
-            } else if !self.refine(&mut points, x, chart, HALVINGS) {
-                return Err(broken);
+            let chart = corners[ahead].chart;
+            self.settle(&mut x, chart).ok_or(edge_to(ahead))?;
+            if passed < ahead {
+                match self.append(&mut points, x, chart) {
+                    Ok(()) => continue,
+                    Err(same) => x = same,
+                }
+                // Some corner on the way must not be cut.
+                for corner in passed..ahead {
+                    let Corner { mut x, chart } = corners[corner].clone();
+                    self.settle(&mut x, chart).ok_or(nodes[corner])?;
+                    if !self.refine(&mut points, x, chart, HALVINGS) {
+                        return Err(edge_to(corner));
+                    }
+                }
+            }
+            if !self.refine(&mut points, x, chart, HALVINGS) {
+                return Err(edge_to(ahead));
             }
         }
         Ok(points)
+    }
+
+    /// The places of nodes, and the goal behind them where it is none.
+    fn corners(&self, nodes: &[NodeOf]) -> Vec<Corner> {
+        let goal = (self.trees.len() == 1).then(|| Corner {
+            x: self.goal.clone(),
+            chart: self.goal_chart,
+        });
+        let places = nodes.iter().map(|&NodeOf { tree, node }| Corner {
+            x: self.trees[tree].point(node).to_vec(),
+            chart: self.trees[tree].chart(node),
+        });
+        places.chain(goal).collect()
+    }
+
+    /// The way from the first corner to each, in steps as long as the path may have.
+    fn cumulated_steps(&self, corners: &[Corner]) -> Vec<f64> {
+        let planner = self.planner;
+        let resolution = self.resolution();
+        let mut way = 0.0;
+        let mut steps = vec![0.0];
+        steps.extend(corners.windows(2).map(|pair| {
+            let (a, b) = (&pair[0].x, &pair[1].x);
+            let distance = squared_distance(a, b).sqrt() / resolution;
+            let displacement = planner.validity.displacement(a, b) / planner.max_displacement;
+            way += distance.max(displacement);
+            way
+        }));
+        steps
+    }
+
+    /// Distance at which points of the path are put.
+    fn resolution(&self) -> f64 {
+        self.full_step.min(self.planner.options.path_step)
     }
 
     /// Removes a node and all that grew from it; a root stays.
@@ -154,7 +221,7 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
     fn turns_sharply(&self, points: &[Vec<f64>], x: &[f64]) -> bool {
         let here = &self.here.x;
         let gap = squared_distance(here, x);
-        let step = self.full_step.min(self.planner.options.path_step);
+        let step = self.resolution();
         let [.., before, _] = points else {
             return false;
         };
@@ -212,8 +279,35 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
             })
     }
 
-    /// Appends `x`, and before it points between the last one (in `here`) and it
-    /// until none of the gaps is too wide.
+    /// Appends `x`, if the gap between the last point (in `here`) and it is not too
+    /// wide.
+    ///
+    /// # Errors
+    /// `x`, where it is.
+    fn append(
+        &mut self,
+        points: &mut Vec<Vec<f64>>,
+        x: Vec<f64>,
+        chart: usize,
+    ) -> Result<(), Vec<f64>> {
+        let planner = self.planner;
+        let longest = planner.options.path_step;
+        let fits = squared_distance(&self.here.x, &x) <= longest * longest
+            && planner.validity.displacement(&self.here.x, &x) <= planner.max_displacement
+            && self.is_nearly_straight(chart, &x)
+            && (!self.turns_sharply(points, &x) || self.take_other_middle(&x))
+            && self.is_robust(chart, &x);
+        if !fits {
+            return Err(x);
+        }
+        self.here.x.copy_from_slice(&x);
+        std::mem::swap(&mut self.memory, &mut self.next_memory);
+        points.push(x);
+        Ok(())
+    }
+
+    /// Appends `x`, and before it points between the last one and it until none of the
+    /// gaps is too wide. `false` where this does not help.
     fn refine(
         &mut self,
         points: &mut Vec<Vec<f64>>,
@@ -221,19 +315,9 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, M, V> {
         chart: usize,
         halvings: usize,
     ) -> bool {
-        let planner = self.planner;
-        let resolution = planner.options.path_step;
-        if squared_distance(&self.here.x, &x) <= resolution * resolution
-            && planner.validity.displacement(&self.here.x, &x) <= planner.max_displacement
-            && self.is_nearly_straight(chart, &x)
-            && (!self.turns_sharply(points, &x) || self.take_other_middle(&x))
-            && self.is_robust(chart, &x)
-        {
-            self.here.x.copy_from_slice(&x);
-            std::mem::swap(&mut self.memory, &mut self.next_memory);
-            points.push(x);
+        let Err(x) = self.append(points, x, chart) else {
             return true;
-        }
+        };
         if halvings == 0 {
             return false;
         }
