@@ -65,9 +65,9 @@ fn a_smoothed_path_stays_as_stable_as_demanded() {
 fn plans_whose_elements_turn_the_long_way_round_are_replaced() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
     let mut tower = Problem::read(&folder.join("tower.toml")).unwrap();
-    // The first plan of this seed turns six elements by a whole turn: its class costs
+    // The first plan of this seed turns elements by whole turns: its class costs
     // twice as much.
-    tower.seed = 28;
+    tower.seed = 5;
     let options = SmoothingOptions::of(&tower);
     let found = tensegra::plan_and_smooth(&tower, 1, &options, &mut ()).unwrap();
     assert!(found.smoothing.report.ok && found.smoothing.converged);
@@ -81,7 +81,7 @@ fn plans_of_poor_classes_are_compared_with_others() {
     let mut tower = Problem::read(&folder.join("tower.toml")).unwrap();
     // The first path of this seed gets caught, with no element turned: it would be nearly
     // twice as long.
-    tower.seed = 27;
+    tower.seed = 26;
     let options = SmoothingOptions::of(&tower);
     let found = tensegra::plan_and_smooth(&tower, 1, &options, &mut ()).unwrap();
     let lengths: Vec<f64> = found.draft_lengths.iter().copied().flatten().collect();
