@@ -87,7 +87,7 @@ impl Default for PlannerOptions {
             sample_radius: SampleRadius::Adaptive { largest: 24.0 },
             neighbours: NeighbourSearch::default(),
             goal_bias: 0.1,
-            tolerance: 1e-5,
+            tolerance: 1e-4,
             slide: true,
             limit_margin: 2e-3,
             contact_margin: 3e-3,

@@ -25,7 +25,7 @@ const BRANCH_STEP: f64 = 2.0;
 const PATH_STEP: f64 = 1.1;
 /// Nodes of the trees hold the equations to this multiple of what is asked for;
 /// the points of the path hold them to rounding.
-const TREE_TOLERANCE: f64 = 1e4;
+const TREE_TOLERANCE: f64 = 1e5;
 
 /// A path, and how it was found.
 #[derive(Clone, Debug)]
