@@ -17,7 +17,10 @@ mod recenter;
 use crate::{
     error::ManifoldError,
     manifold::{ImplicitManifold, SparseRow, SparsityPattern},
-    qr::{LANES, Lanes, PivotedQr, axpy, blocks, dot, padded_axpy, padded_dot, vectorised},
+    qr::{
+        LANES, Lanes, PivotedQr, axpy, blocks, dot, padded_axpy, padded_dot, vectorised,
+        vectorised_rows,
+    },
 };
 
 /// Rank is lost when the last pivot is below this fraction of the first.
@@ -366,14 +369,10 @@ impl Chart {
     /// breaks down.
     fn chord_step(&self, x: &mut [f64], work: &mut Workspace) -> bool {
         // Of known length, the vectors of small structures stay in registers.
-        vectorised(
+        vectorised_rows(
+            blocks(x.len()),
             #[inline(always)]
-            || match blocks(x.len()) {
-                2 => self.broyden_step(2, x, work),
-                3 => self.broyden_step(3, x, work),
-                4 => self.broyden_step(4, x, work),
-                length => self.broyden_step(length, x, work),
-            },
+            |length| self.broyden_step(length, x, work),
         )
     }
 

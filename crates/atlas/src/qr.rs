@@ -73,6 +73,31 @@ pub(crate) fn padded_axpy(alpha: f64, x: &[Lanes], y: &mut [Lanes]) {
     }
 }
 
+/// [`vectorised`] loops over rows of some [`Lanes`]; where they are few, the compiler knows
+/// how many.
+#[inline(always)]
+pub(crate) fn vectorised_rows<R>(width: usize, work: impl FnOnce(usize) -> R) -> R {
+    vectorised(
+        #[inline(always)]
+        || match width {
+            1 => work(1),
+            2 => work(2),
+            3 => work(3),
+            4 => work(4),
+            width => work(width),
+        },
+    )
+}
+
+/// Rows of at most this many blocks are combined whole.
+const SMALL: usize = 4;
+
+/// The blocks of a triangle's row i that are not zero, if they are to be told apart.
+#[inline(always)]
+fn filled(width: usize, i: usize) -> usize {
+    if width <= SMALL { width } else { blocks(i + 1) }
+}
+
 /// The factorisation, with its memory: filled again for every chart.
 ///
 /// Matrices are stored row by row, one row for each variable: a reflector then
@@ -143,15 +168,17 @@ impl PivotedQr {
             }
             self.norms.push(square);
         }
-        vectorised(
+        let limit = max_rank.min(m).min(n);
+        vectorised_rows(
+            width,
             #[inline(always)]
-            || self.eliminate(max_rank.min(m).min(n), tolerance),
+            |width| self.eliminate(width, limit, tolerance),
         )
     }
 
     /// Applies reflectors to what [`Self::factorise`] has laid out.
     #[inline(always)]
-    fn eliminate(&mut self, limit: usize, tolerance: f64) -> usize {
+    fn eliminate(&mut self, width: usize, limit: usize, tolerance: f64) -> usize {
         let n = self.n;
         self.first_pivot = 0.0;
         let mut j = 0;
@@ -164,19 +191,18 @@ impl PivotedQr {
                 }
             });
             // The downdated norms lose digits: take the pivot's anew.
-            let norm = self.norm_of_column(p, j);
+            let norm = self.norm_of_column(width, p, j);
             if norm.is_nan() || norm <= tolerance * self.first_pivot || norm == 0.0 {
                 break;
             }
             if p != j {
-                let width = LANES * blocks(n);
-                for row in self.a.as_flattened_mut().chunks_exact_mut(width) {
+                for row in self.a.as_flattened_mut().chunks_exact_mut(LANES * width) {
                     row.swap(j, p);
                 }
                 self.norms.swap(j, p);
                 self.permutation.swap(j, p);
             }
-            self.reflect(j, norm);
+            self.reflect(width, j, norm);
             if j == 0 {
                 self.first_pivot = norm;
             }
@@ -184,15 +210,15 @@ impl PivotedQr {
         }
         self.rank = j;
         self.rest_norm = (j..n)
-            .map(|c| self.norm_of_column(c, j))
+            .map(|c| self.norm_of_column(width, c, j))
             .fold(0.0, f64::max);
         j
     }
 
     /// Norm of what is left of column c from row j on.
     #[inline(always)]
-    fn norm_of_column(&self, c: usize, j: usize) -> f64 {
-        let rows = self.a.chunks_exact(blocks(self.n)).skip(j);
+    fn norm_of_column(&self, width: usize, c: usize, j: usize) -> f64 {
+        let rows = self.a.chunks_exact(width).skip(j);
         let column = rows.map(|row| row[c / LANES][c % LANES]);
         column.map(|v| v * v).sum::<f64>().sqrt()
     }
@@ -200,23 +226,23 @@ impl PivotedQr {
     /// Eliminates column j below its diagonal and applies the reflector to the
     /// columns right of it.
     #[inline(always)]
-    fn reflect(&mut self, j: usize, norm: f64) {
-        let width = blocks(self.n);
+    fn reflect(&mut self, width: usize, j: usize, norm: f64) {
         let (head, below) = self.a.split_at_mut((j + 1) * width);
-        // What the whole blocks take along on the left has no meaning any more.
-        let first_block = j / LANES;
-        let row = &mut head[j * width + first_block..];
-        let alpha = row[0][j % LANES];
+        // What is taken along on the left of the diagonal has no meaning any more.
+        let first_block = if width <= SMALL { 0 } else { j / LANES };
+        let diagonal = j - LANES * first_block;
+        let row = &mut head[j * width..][..width][first_block..];
+        let alpha = row.as_flattened()[diagonal];
         let beta = if alpha >= 0.0 { -norm } else { norm };
         let tau = (beta - alpha) / beta;
         let scale = 1.0 / (alpha - beta);
         let first = self.entries.len();
         // w = τ vᵀ A, then A ← A − v w.
-        let w = &mut self.combined;
-        w.clear();
-        w.extend_from_slice(row);
+        self.combined.resize(width, [0.0; LANES]);
+        let w = &mut self.combined[..width][first_block..];
+        w.copy_from_slice(row);
         for (i, other) in below.chunks_exact(width).enumerate() {
-            let entry = other[first_block][j % LANES];
+            let entry = other.as_flattened()[j];
             if entry != 0.0 {
                 let v = entry * scale;
                 self.entries.push(((j + 1 + i) as u32, v));
@@ -225,12 +251,12 @@ impl PivotedQr {
         }
         w.as_flattened_mut().iter_mut().for_each(|w| *w *= tau);
         padded_axpy(-1.0, w, row);
-        row[0][j % LANES] = beta;
+        row.as_flattened_mut()[diagonal] = beta;
         for &(i, v) in &self.entries[first..] {
             let other = &mut below[(i as usize - j - 1) * width..][..width];
             padded_axpy(-v, w, &mut other[first_block..]);
         }
-        let row = &row.as_flattened()[j % LANES + 1..];
+        let row = &row.as_flattened()[diagonal + 1..];
         for (norm, r) in self.norms[j + 1..].iter_mut().zip(row) {
             *norm = (*norm - *r * *r).max(0.0);
         }
@@ -261,41 +287,49 @@ impl PivotedQr {
         values: &[f64],
         pseudo_inverse: &mut Vec<Lanes>,
     ) {
-        vectorised(
+        vectorised_rows(
+            blocks(self.rank),
             #[inline(always)]
-            || {
-                self.invert_gram();
-                let width = blocks(self.rank);
-                let product = &mut self.by_variable;
-                product.clear();
-                product.resize(self.m * width, [0.0; LANES]);
-                let gram = self.gram.chunks_exact(width.max(1));
-                for (&equation, row) in self.permutation.iter().zip(gram) {
-                    let entries = pattern.row(equation).iter();
-                    for (&i, &v) in entries.zip(&values[pattern.row_range(equation)]) {
-                        padded_axpy(v, row, &mut product[i * width..][..width]);
-                    }
-                }
-                pseudo_inverse.clear();
-                pseudo_inverse.resize(blocks(self.m) * width * LANES, [0.0; LANES]);
-                let panels = pseudo_inverse.chunks_exact_mut((width * LANES).max(1));
-                let rows = product.chunks((LANES * width).max(1));
-                for (panel, rows) in panels.zip(rows) {
-                    for (i, row) in rows.chunks_exact(width).enumerate() {
-                        for (column, v) in panel.iter_mut().zip(row.as_flattened()) {
-                            column[i] = *v;
-                        }
-                    }
-                }
-            },
+            |width| self.pseudo_inverse(width, pattern, values, pseudo_inverse),
         );
+    }
+
+    #[inline(always)]
+    fn pseudo_inverse(
+        &mut self,
+        width: usize,
+        pattern: &SparsityPattern,
+        values: &[f64],
+        pseudo_inverse: &mut Vec<Lanes>,
+    ) {
+        self.invert_gram(width);
+        let product = &mut self.by_variable;
+        product.clear();
+        product.resize(self.m * width, [0.0; LANES]);
+        let gram = self.gram.chunks_exact(width.max(1));
+        for (&equation, row) in self.permutation.iter().zip(gram) {
+            let entries = pattern.row(equation).iter();
+            for (&i, &v) in entries.zip(&values[pattern.row_range(equation)]) {
+                padded_axpy(v, row, &mut product[i * width..][..width]);
+            }
+        }
+        pseudo_inverse.clear();
+        pseudo_inverse.resize(blocks(self.m) * width * LANES, [0.0; LANES]);
+        let panels = pseudo_inverse.chunks_exact_mut((width * LANES).max(1));
+        let rows = product.chunks((LANES * width).max(1));
+        for (panel, rows) in panels.zip(rows) {
+            for (i, row) in rows.chunks_exact(width).enumerate() {
+                for (column, v) in panel.iter_mut().zip(row.as_flattened()) {
+                    column[i] = *v;
+                }
+            }
+        }
     }
 
     /// (RᵀR)⁻¹ of the r independent rows, padded, into `gram`.
     #[inline(always)]
-    fn invert_gram(&mut self) {
+    fn invert_gram(&mut self, width: usize) {
         let (n, r) = (blocks(self.n), self.rank);
-        let width = blocks(r);
         // L = R⁻ᵀ, row by row.
         let inverse = &mut self.inverse;
         inverse.clear();
@@ -306,7 +340,7 @@ impl PivotedQr {
             for (l, other) in before.chunks_exact(width).enumerate() {
                 let entry = self.a[l * n + k / LANES][k % LANES];
                 if entry != 0.0 {
-                    let filled = blocks(l + 1);
+                    let filled = filled(width, l);
                     padded_axpy(-entry, &other[..filled], &mut row[..filled]);
                 }
             }
@@ -324,7 +358,7 @@ impl PivotedQr {
             for (i, sum) in gram.chunks_exact_mut(width).enumerate() {
                 let entry = row[i / LANES][i % LANES];
                 if entry != 0.0 {
-                    let filled = blocks(i + 1);
+                    let filled = filled(width, i);
                     padded_axpy(entry, &row[..filled], &mut sum[..filled]);
                 }
             }
@@ -339,41 +373,44 @@ impl PivotedQr {
     /// Writes the last m − rank columns of Q, m values each: an orthonormal basis of the
     /// null space of J.
     pub(crate) fn write_null_basis(&mut self, basis: &mut Vec<f64>) {
+        vectorised_rows(
+            blocks(self.m - self.rank),
+            #[inline(always)]
+            |width| self.null_basis(width, basis),
+        );
+    }
+
+    #[inline(always)]
+    fn null_basis(&mut self, width: usize, basis: &mut Vec<f64>) {
         let (m, r) = (self.m, self.rank);
         let k = m - r;
-        vectorised(
-            #[inline(always)]
-            || {
-                let width = blocks(k);
-                let rows = &mut self.by_variable;
-                rows.clear();
-                rows.resize(m * width, [0.0; LANES]);
-                for j in 0..k {
-                    rows[(r + j) * width + j / LANES][j % LANES] = 1.0;
-                }
-                let w = &mut self.combined;
-                for (j, reflector) in self.reflectors.iter().enumerate().rev() {
-                    let entries = &self.entries[reflector.entries.clone()];
-                    w.clear();
-                    w.extend_from_slice(&rows[j * width..][..width]);
-                    for &(i, v) in entries {
-                        padded_axpy(v, &rows[i as usize * width..][..width], w);
-                    }
-                    w.as_flattened_mut()
-                        .iter_mut()
-                        .for_each(|w| *w *= reflector.tau);
-                    padded_axpy(-1.0, w, &mut rows[j * width..][..width]);
-                    for &(i, v) in entries {
-                        padded_axpy(-v, w, &mut rows[i as usize * width..][..width]);
-                    }
-                }
-                basis.clear();
-                for j in 0..k {
-                    let column = rows.iter().skip(j / LANES).step_by(width);
-                    basis.extend(column.map(|v| v[j % LANES]));
-                }
-            },
-        );
+        let rows = &mut self.by_variable;
+        rows.clear();
+        rows.resize(m * width, [0.0; LANES]);
+        for j in 0..k {
+            rows[(r + j) * width + j / LANES][j % LANES] = 1.0;
+        }
+        self.combined.resize(width, [0.0; LANES]);
+        let w = &mut self.combined[..width];
+        for (j, reflector) in self.reflectors.iter().enumerate().rev() {
+            let entries = &self.entries[reflector.entries.clone()];
+            w.copy_from_slice(&rows[j * width..][..width]);
+            for &(i, v) in entries {
+                padded_axpy(v, &rows[i as usize * width..][..width], w);
+            }
+            w.as_flattened_mut()
+                .iter_mut()
+                .for_each(|w| *w *= reflector.tau);
+            padded_axpy(-1.0, w, &mut rows[j * width..][..width]);
+            for &(i, v) in entries {
+                padded_axpy(-v, w, &mut rows[i as usize * width..][..width]);
+            }
+        }
+        basis.clear();
+        for j in 0..k {
+            let column = rows.iter().skip(j / LANES).step_by(width);
+            basis.extend(column.map(|v| v[j % LANES]));
+        }
     }
 
     /// x ← Q x.
