@@ -53,17 +53,18 @@ fn the_component_of_the_symmetric_tower_is_covered() {
 
 #[test]
 fn components_are_covered_whatever_the_radius() {
-    // Tips of corridors, and what lies behind a box, come at any place on a rim.
+    // Tips of corridors, and what lies behind a box, come at any place on a rim. At 0.22
+    // only a way of two bends leads on.
     for (name, radii) in [
-        ("tower3D.toml", [0.25, 0.4104, 0.4142, 2.0]),
-        ("prism.toml", [0.22, 0.3876, 0.55, 1.0]),
+        ("tower3D.toml", &[0.25, 0.4104, 0.4142, 2.0][..]),
+        ("prism.toml", &[0.22, 0.35, 0.3876, 0.55, 1.0]),
     ] {
         let mut problem = problem(name);
-        for radius in radii {
+        for &radius in radii {
             problem.settings.chart_radius = radius;
             let atlas = tensegra::explore(&problem, &mut ()).unwrap();
             assert!(atlas.complete);
-            let coverage = atlas.measure_coverage(&problem, 3000, 11).unwrap();
+            let coverage = atlas.measure_coverage(&problem, 3000, 2).unwrap();
             assert_eq!(coverage.covered, coverage.points, "{name} {radius}");
         }
     }

@@ -76,6 +76,20 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Front<'p, M, V> {
         Ok(())
     }
 
+    /// Adds charts along a way from a chart, each seen from the one before. Whether there
+    /// was a first.
+    pub(super) fn add_along(&mut self, chart: usize, way: Vec<(Vec<f64>, V::Memory)>) -> bool {
+        let mut parent = chart;
+        for (center, memory) in way {
+            let new = self.atlas.len();
+            if self.add(&center, Some(parent), memory).is_err() {
+                break;
+            }
+            parent = new;
+        }
+        parent != chart
+    }
+
     /// How far a chart represents the manifold along its axes: charts that need not shrink
     /// later save cuts.
     fn first_radius(&mut self, chart: &Chart, largest: f64) -> f64 {

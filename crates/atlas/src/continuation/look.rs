@@ -1,5 +1,7 @@
 //! Looking from a centre in a direction: is there a valid way on?
 
+use std::collections::VecDeque;
+
 use super::{
     Border, Continuation, ROUGH,
     border::{border_values, broken_limit, worst},
@@ -18,14 +20,22 @@ const FINER: f64 = 0.25;
 
 /// Ways around obstacles lead through points at these fractions of the radius, in
 /// directions turned by these angles.
-const DETOURS: [(f64, f64); 6] = [
+const DETOURS: [(f64, f64); 12] = [
     (0.7, 0.4),
     (0.7, 0.8),
     (0.9, 0.15),
     (0.9, 0.3),
     (0.5, 0.2),
     (0.5, 0.5),
+    (0.25, 0.4),
+    (0.25, 0.8),
+    (0.25, 1.5),
+    (0.5, 1.0),
+    (0.7, 0.15),
+    (0.9, 0.07),
 ];
+/// Ways from one of those points to another that are tested at most.
+const MOST_TESTS: usize = 200;
 /// Where a chart represents the manifold up to less than this fraction of the distance
 /// asked for, less does not matter.
 const LEAST_REACH: f64 = 1e-3;
@@ -120,38 +130,64 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Front<'_, M, V> {
     }
 
     /// A way around what blocks the straight one from the centre of a chart to the
-    /// valid point `there` at the radius in a direction: a point between, with what
-    /// validity remembers of it, that sees both.
+    /// valid point `there` at the radius in a direction: points that end there, with
+    /// what validity remembers of them. The centre sees the first, and each sees the
+    /// next.
     pub(super) fn detour(
         &mut self,
         chart: usize,
         direction: &[f64],
-    ) -> Option<(Vec<f64>, V::Memory)> {
+    ) -> Option<Vec<(Vec<f64>, V::Memory)>> {
         let target = self.there.clone();
-        let radius = self.atlas.radius(chart);
-        let tolerance = self.continuation.options.tolerance;
-        let manifold = self.continuation.manifold;
         let center = self.atlas.chart(chart).center().to_vec();
-        let start = self.memories[chart].clone();
-        for (reach, turn) in DETOURS {
-            for side in sideways(direction, turn) {
-                let here = self.atlas.chart(chart);
-                let t: Vec<f64> = side.iter().map(|t| reach * radius * t).collect();
-                let mut point = vec![0.0; target.len()];
-                here.tangent_point(&t, &mut point);
-                if !settle(here, manifold, &mut point, tolerance, &mut self.work)
-                    || broken_limit(manifold, &point).is_some()
-                    || !matches!(self.go(chart, (&center, &start), &point), Way::Free)
-                {
+        let start = (center, self.memories[chart].clone());
+        let mut unseen = self.stops(chart, direction);
+        let mut tests = 0;
+        // Ways to what is seen, those of few stops first.
+        let mut ways = VecDeque::from([Vec::new()]);
+        while let Some(way) = ways.pop_front() {
+            let (from, memory) = way.last().unwrap_or(&start);
+            let mut i = 0;
+            while i < unseen.len() && tests < MOST_TESTS {
+                tests += 1;
+                if !matches!(self.go(chart, (from, memory), &unseen[i]), Way::Free) {
+                    i += 1;
                     continue;
                 }
-                let memory = self.memory_there.clone();
-                if matches!(self.go(chart, (&point, &memory), &target), Way::Free) {
-                    return Some((point, memory));
+                let (stop, memory) = (unseen.remove(i), self.memory_there.clone());
+                let arrives = matches!(self.go(chart, (&stop, &memory), &target), Way::Free);
+                let mut way = way.clone();
+                way.push((stop, memory));
+                if arrives {
+                    way.push((target, self.memory_there.clone()));
+                    return Some(way);
                 }
+                ways.push_back(way);
             }
         }
         None
+    }
+
+    /// Points through which a detour may lead, within all limits.
+    fn stops(&mut self, chart: usize, direction: &[f64]) -> Vec<Vec<f64>> {
+        let radius = self.atlas.radius(chart);
+        let tolerance = self.continuation.options.tolerance;
+        let manifold = self.continuation.manifold;
+        let here = self.atlas.chart(chart);
+        let mut stops = Vec::new();
+        for (reach, turn) in DETOURS {
+            for side in sideways(direction, turn) {
+                let t: Vec<f64> = side.iter().map(|t| reach * radius * t).collect();
+                let mut point = vec![0.0; here.center().len()];
+                here.tangent_point(&t, &mut point);
+                if settle(here, manifold, &mut point, tolerance, &mut self.work)
+                    && broken_limit(manifold, &point).is_none()
+                {
+                    stops.push(point);
+                }
+            }
+        }
+        stops
     }
 
     /// How far a chart represents the manifold in a direction, at most up to `length`.

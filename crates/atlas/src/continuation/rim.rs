@@ -258,8 +258,8 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> Search<'_, '_, M, V> {
             }
             Outlook::Ends(border, sight) => (border, sight),
             Outlook::Blocked(border) => {
-                if let Some((center, memory)) = front.detour(chart, &direction)
-                    && front.add(&center, Some(chart), memory).is_ok()
+                if let Some(way) = front.detour(chart, &direction)
+                    && front.add_along(chart, way)
                 {
                     return ControlFlow::Break(());
                 }
