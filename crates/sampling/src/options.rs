@@ -43,8 +43,8 @@ pub struct PlannerOptions {
     pub two_trees: bool,
     /// Length δ of a step of a branch.
     pub step: f64,
-    /// Largest distance between neighbouring points of the path returned, which
-    /// are inserted where branches made longer steps.
+    /// Largest distance between neighbouring points of the path returned. They lie as
+    /// far apart as this and the length of a step allow.
     pub path_step: f64,
     /// How far charts reach.
     pub domain: ChartDomain,
