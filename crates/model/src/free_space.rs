@@ -227,6 +227,8 @@ struct State {
     poses: Vec<Isometry3<f64>>,
     /// Middle of each attached solid.
     middles: Vec<Point3<f64>>,
+    /// Force and length of each element, once they are asked for.
+    strengths: Vec<[f64; 2]>,
 }
 
 /// The largest displacement of any point of each body during a step, if linear.
@@ -244,8 +246,8 @@ struct Scratch {
     /// Middles of the step, of its halves, and so on.
     middles: Vec<Middle>,
     gradients: Vec<(usize, Vector3<f64>)>,
-    /// Forces and lengths at both ends and in the middle.
-    strengths: [Vec<[f64; 2]>; 3],
+    /// Forces and lengths at the start, unless it has them, and in the middle.
+    strengths: [Vec<[f64; 2]>; 2],
 }
 
 #[derive(Clone, Debug)]
@@ -492,6 +494,7 @@ impl Scene {
                 vec![Isometry3::identity(); self.frames.len()]
             },
             middles: vec![Point3::origin(); self.attached.len()],
+            strengths: Vec::new(),
         }
     }
 
@@ -835,6 +838,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         state.x.clear();
         state.x.extend_from_slice(x);
         self.manifold.positions(x, &mut state.positions);
+        state.strengths.clear();
         self.scene.place(state);
     }
 
@@ -952,17 +956,26 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
     /// middle than who follows densities.
     fn forces_are_linear(
         &self,
-        [a, b, middle]: [&[f64]; 3],
-        strengths: &mut [Vec<[f64; 2]>; 3],
+        a: &State,
+        middle: &[f64],
+        b: &mut State,
+        [at_start, in_middle]: &mut [Vec<[f64; 2]>; 2],
     ) -> bool {
-        for (x, strengths) in [a, b, middle].into_iter().zip(&mut *strengths) {
-            self.manifold.forces_and_lengths(x, strengths);
-        }
-        let [a, b, middle] = strengths;
-        let largest = a.iter().fold(0.0, |most: f64, [f, _]| most.max(f.abs()));
-        let ends = a.iter().zip(&*b);
-        ends.zip(&*middle).all(|(([a, _], [b, _]), [f, length])| {
-            (f - 0.5 * (a + b)).abs() * self.size <= FORCE_DEVIATION * largest * length
+        let manifold = self.manifold;
+        manifold.forces_and_lengths(middle, in_middle);
+        manifold.forces_and_lengths(&b.x, &mut b.strengths);
+        let start = if a.strengths.is_empty() {
+            manifold.forces_and_lengths(&a.x, at_start);
+            at_start
+        } else {
+            &a.strengths
+        };
+        let largest = start
+            .iter()
+            .fold(0.0, |most: f64, [f, _]| most.max(f.abs()));
+        let ends = start.iter().zip(&b.strengths);
+        ends.zip(in_middle).all(|(([a, _], [b, _]), [f, length])| {
+            (*f - 0.5 * (a + b)).abs() * self.size <= FORCE_DEVIATION * largest * *length
         })
     }
 
@@ -1004,15 +1017,13 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         } = scratch;
         middles.resize_with(HALVINGS + 1, || self.middle());
         self.place(x, state);
-        let state = &*state;
-        let states = (&from.state, state);
         self.scene.displacements(&from.state, state, moved);
         doubts.clear();
         // Others may find the middle as far off again as it is from the straight line.
         let least = if robust {
             let middle = &mut middles[0].x;
             match self.stray(&from.state.x, x, middle, between) {
-                Some(stray) if self.forces_are_linear([&from.state.x, x, middle], strengths) => {
+                Some(stray) if self.forces_are_linear(&from.state, middle, state, strengths) => {
                     self.least + DEVIATION_FACTOR * stray
                 }
                 _ => return Err(Obstruction::Blocked),
@@ -1020,6 +1031,8 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         } else {
             self.least
         };
+        let state = &*state;
+        let states = (&from.state, state);
         let bounds = from.bounds.iter().zip(bounds);
         for (i, (pair, (&before, after))) in self.scene.pairs.iter().zip(bounds).enumerate() {
             let sum = self.scene.displacement(pair, moved);
@@ -1159,13 +1172,7 @@ impl<M: EquilibriumManifold + ?Sized> Validity for FreeSpace<'_, M> {
     }
 
     fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {
-        let nodes = self.manifold.structure().nodes.len();
-        let mut positions = vec![Point3::origin(); 2 * nodes];
-        let (from, to) = positions.split_at_mut(nodes);
-        self.manifold.positions(a, from);
-        self.manifold.positions(b, to);
-        let squares = from.iter().zip(to).map(|(a, b)| (*a - *b).norm_squared());
-        squares.fold(0.0, f64::max).sqrt()
+        self.manifold.displacement(a, b)
     }
 
     fn is_valid(&self, x: &[f64]) -> bool {

@@ -1,27 +1,25 @@
 //! Affine maps y = b + S z from few unknowns to many quantities, and their
 //! construction by eliminating linear equations.
 
-/// y = b + S z with a sparse S.
+/// A row of an affine map: the offset, and the entries of S.
+pub(super) type Row = (f64, Vec<(usize, f64)>);
+
+/// y = b + S z with a sparse S, row by row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AffineMap {
     offsets: Vec<f64>,
     starts: Vec<usize>,
     entries: Vec<(usize, f64)>,
-    /// The entries with their rows: evaluation takes no loop for each row, as most have
-    /// one entry or none.
-    terms: Vec<(u32, u32, f64)>,
 }
 
 impl AffineMap {
-    pub(super) fn from_rows(rows: impl IntoIterator<Item = (f64, Vec<(usize, f64)>)>) -> Self {
+    pub(super) fn from_rows(rows: impl IntoIterator<Item = Row>) -> Self {
         let mut map = Self {
             starts: vec![0],
             ..Self::default()
         };
-        for (i, (offset, entries)) in rows.into_iter().enumerate() {
+        for (offset, entries) in rows {
             map.offsets.push(offset);
-            let terms = entries.iter().map(|&(j, c)| (i as u32, j as u32, c));
-            map.terms.extend(terms);
             map.entries.extend(entries);
             map.starts.push(map.entries.len());
         }
@@ -35,7 +33,7 @@ impl AffineMap {
     }
 
     /// Row i as [`Self::from_rows`] takes it.
-    pub(super) fn owned_row(&self, i: usize) -> (f64, Vec<(usize, f64)>) {
+    pub(super) fn owned_row(&self, i: usize) -> Row {
         (self.offsets[i], self.row(i).to_vec())
     }
 
@@ -44,13 +42,9 @@ impl AffineMap {
         self.offsets[i]
     }
 
-    /// The values of all rows at z.
-    #[inline]
-    pub(super) fn values(&self, z: &[f64], values: &mut [f64]) {
-        values.copy_from_slice(&self.offsets);
-        for &(i, j, c) in &self.terms {
-            values[i as usize] += c * z[j as usize];
-        }
+    /// Whether two rows have the same value everywhere.
+    pub(super) fn are_equal(&self, i: usize, j: usize) -> bool {
+        self.offsets[i] == self.offsets[j] && self.row(i) == self.row(j)
     }
 
     /// The value of row i at z.
@@ -59,6 +53,42 @@ impl AffineMap {
         self.row(i)
             .iter()
             .fold(self.offsets[i], |sum, &(j, c)| sum + c * z[j])
+    }
+}
+
+/// An affine map of which all rows are evaluated together: most have one entry or
+/// none, and a loop for each would cost more than the entries.
+#[derive(Clone, Debug, Default)]
+pub(super) struct AffineSums {
+    offsets: Vec<f64>,
+    /// Row, column and coefficient.
+    terms: Vec<(u32, u32, f64)>,
+}
+
+impl AffineSums {
+    pub(super) fn from_rows(rows: impl IntoIterator<Item = Row>) -> Self {
+        let mut sums = Self::default();
+        for (i, (offset, entries)) in rows.into_iter().enumerate() {
+            sums.offsets.push(offset);
+            let terms = entries.into_iter().map(|(j, c)| (i as u32, j as u32, c));
+            sums.terms.extend(terms);
+        }
+        sums
+    }
+
+    /// The values of all rows at z.
+    #[inline]
+    pub(super) fn values(&self, z: &[f64], values: &mut [f64]) {
+        values.copy_from_slice(&self.offsets);
+        self.add_changes(z, values);
+    }
+
+    /// Adds S z to the values of all rows.
+    #[inline]
+    pub(super) fn add_changes(&self, z: &[f64], values: &mut [f64]) {
+        for &(i, j, c) in &self.terms {
+            values[i as usize] += c * z[j as usize];
+        }
     }
 }
 
@@ -149,7 +179,7 @@ impl Elimination {
     }
 
     /// The variable's determining row, unless it is free.
-    pub(super) fn row_of(&self, variable: usize) -> Option<(f64, Vec<(usize, f64)>)> {
+    pub(super) fn row_of(&self, variable: usize) -> Option<Row> {
         let i = self.pivots.iter().position(|&p| p == variable)?;
         let row = &self.rows[i];
         let entries = (0..self.variables)

@@ -24,6 +24,18 @@ pub trait EquilibriumManifold: ImplicitManifold {
     /// Writes the position of every node at the coordinates x.
     fn positions(&self, x: &[f64], positions: &mut [Point3<f64>]);
 
+    /// How far nodes move at most from the coordinates `a` to `b`.
+    fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {
+        let nodes = self.structure().nodes.len();
+        let [from, to] = [a, b].map(|x| {
+            let mut positions = vec![Point3::origin(); nodes];
+            self.positions(x, &mut positions);
+            positions
+        });
+        let squares = from.iter().zip(&to).map(|(a, b)| (b - a).norm_squared());
+        squares.fold(0.0, f64::max).sqrt()
+    }
+
     /// Adds to `row` the gradient with respect to x of a function of node
     /// positions, given its gradients with respect to some positions.
     fn pull_back(&self, x: &[f64], gradients: &[(usize, Vector3<f64>)], row: &mut SparseRow);

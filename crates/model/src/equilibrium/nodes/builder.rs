@@ -1,20 +1,27 @@
 //! Construction of the manifold: linear conditions are eliminated, the rest
 //! becomes equations, bounds and limits.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, RowDVector, Vector3};
 
 use super::{
-    Density, Equation, Limit, Link, NodesManifold, Origin, Quantity,
+    BalancedNode, Density, Equation, Limit, Link, NODE_VALUES, NodesManifold, Origin, Quantity,
     jacobian::{Atom, JacobianTerms},
 };
 use crate::{
-    equilibrium::{EquilibriumError, affine::AffineMap, affine::Elimination},
-    structure::{Coupling, Element, ForceLaw, Interval, Structure},
+    equilibrium::{
+        EquilibriumError,
+        affine::{AffineMap, AffineSums, Elimination},
+    },
+    structure::{Coupling, Element, ForceLaw, Interval, Node, Structure},
 };
 
 /// Elements that may shrink to nothing keep this fraction of the structure's
 /// size: at length zero the direction of the force is undefined.
 const SHORTEST: f64 = 1e-2;
+
+/// Relations between equations whose coefficients come this near to depending on
+/// others determine nothing.
+const DEPENDENT: f64 = 1e-6;
 
 /// Construction, step by step.
 pub(super) struct Builder<'a> {
@@ -240,22 +247,12 @@ impl<'a> Builder<'a> {
         };
         let coordinates = AffineMap::from_rows((0..3 * node_count).map(map_row));
         let densities = AffineMap::from_rows((3 * node_count..raw).map(map_row));
-        let nothing = (0.0, Vec::new());
-        let places = AffineMap::from_rows((0..4 * node_count).map(|i| match (i / 4, i % 4) {
-            (_, 3) => nothing.clone(),
-            (node, axis) => coordinates.owned_row(3 * node + axis),
-        }));
-        let link_densities = self.links.iter().map(|link| match link.density {
-            Density::None | Density::Spring { .. } => nothing.clone(),
-            Density::Constant(q) => (q, Vec::new()),
-            Density::Unknown(row) => densities.owned_row(row),
-        });
-        let link_densities = AffineMap::from_rows(link_densities);
         let is_spring = |&i: &usize| matches!(self.links[i].density, Density::Spring { .. });
         let springs = (0..self.links.len()).filter(is_spring).collect();
         let variables = origins.len();
 
         let equations = self.equations(&coordinates);
+        let places = self.places(&coordinates, &densities);
         // A node where no force acts balances by itself.
         let mut loaded: Vec<bool> = s.nodes.iter().map(|n| n.load != Vector3::zeros()).collect();
         let carries = |link: &&Link| !matches!(link.density, Density::None);
@@ -263,10 +260,18 @@ impl<'a> Builder<'a> {
             link.nodes.iter().for_each(|&node| loaded[node] = true);
         }
         let forces = self.links.iter().any(|link| carries(&link));
-        let balance: Vec<[usize; 2]> = (0..node_count)
+        let mut balance: Vec<[usize; 2]> = (0..node_count)
             .filter(|&node| forces && s.nodes[node].balanced && loaded[node])
             .flat_map(|node| (0..s.dimension).map(move |axis| [node, axis]))
             .collect();
+        let alone = |node: usize| {
+            let Node { balanced, load, .. } = &s.nodes[node];
+            *load == Vector3::zeros() && (*balanced || !loaded[node])
+        };
+        if (0..node_count).all(alone) {
+            let implied = self.implied_balance(&coordinates, &balance);
+            balance.retain(|row| !implied.contains(row));
+        }
         let mut row_of = vec![None; 3 * node_count];
         for (row, &[node, axis]) in balance.iter().enumerate() {
             row_of[3 * node + axis] = Some(row);
@@ -286,6 +291,9 @@ impl<'a> Builder<'a> {
             }
             let [a, b] = link.nodes;
             for axis in 0..3 {
+                if coordinates.are_equal(3 * a + axis, 3 * b + axis) {
+                    continue;
+                }
                 for (node, sign) in [(a, unit), (b, -unit)] {
                     let Some(row) = row_of[3 * node + axis] else {
                         continue;
@@ -305,6 +313,7 @@ impl<'a> Builder<'a> {
             self.differentiate(equation, balance.len() + i, &mut jacobian);
         }
         let (pattern, atoms, entries) = jacobian.finish(variables);
+        let (balanced, pulls) = self.pulls(&balance);
         Ok(NodesManifold {
             structure: s.clone(),
             size: self.size,
@@ -313,13 +322,13 @@ impl<'a> Builder<'a> {
             raw_variables: raw,
             raw_equations: conditions + balance.len() + equations.len(),
             coordinates,
-            places,
             densities,
-            link_densities,
+            places,
             springs,
-            loads: s.nodes.iter().map(|n| n.load.push(0.0).into()).collect(),
             links: std::mem::take(&mut self.links),
             balance,
+            balanced,
+            pulls,
             equations,
             limits,
             lower,
@@ -330,6 +339,76 @@ impl<'a> Builder<'a> {
             atoms,
             entries,
         })
+    }
+
+    /// The nodes at which forces balance, and the links that pull at them.
+    fn pulls(&self, balance: &[[usize; 2]]) -> (Vec<BalancedNode>, Vec<(u32, f64)>) {
+        let unit = 1.0 / self.force;
+        let mut pulls = Vec::new();
+        let nodes = balance.chunk_by(|[a, _], [b, _]| a == b).map(|rows| {
+            let [node, _] = rows[0];
+            let before = pulls.len();
+            for (i, link) in self.links.iter().enumerate() {
+                let ends = link.nodes.into_iter().zip([unit, -unit]);
+                let here = ends.filter(|&(end, _)| end == node);
+                if !matches!(link.density, Density::None) {
+                    pulls.extend(here.map(|(_, unit)| (i as u32, unit)));
+                }
+            }
+            BalancedNode {
+                load: (unit * self.structure.nodes[node].load).push(0.0).into(),
+                pulls: pulls.len() - before,
+                axes: rows.len(),
+            }
+        });
+        (nodes.collect(), pulls)
+    }
+
+    /// Four rows for each node and one for each link.
+    fn places(&self, coordinates: &AffineMap, densities: &AffineMap) -> AffineSums {
+        let constant = |value: f64| (value, Vec::new());
+        let nodes = (0..NODE_VALUES * self.structure.nodes.len()).map(|i| {
+            match (i / NODE_VALUES, i % NODE_VALUES) {
+                (_, 3) => constant(0.0),
+                (node, axis) => coordinates.owned_row(3 * node + axis),
+            }
+        });
+        let links = self.links.iter().map(|link| match link.density {
+            Density::None | Density::Spring { .. } => constant(0.0),
+            Density::Constant(q) => constant(q),
+            Density::Unknown(row) => densities.owned_row(row),
+        });
+        AffineSums::from_rows(nodes.chain(links))
+    }
+
+    /// The equations of balance, a node and an axis each, that follow from the others
+    /// where neither loads nor supports act: internal forces F at the nodes have no
+    /// resultant and no moment, Σ F = 0 and Σ (p − o) × F = 0, in equilibrium or not.
+    /// The relations determine as many F as have independent coefficients there;
+    /// coefficients are known at nodes that keep their place relative to the node o.
+    fn implied_balance(&self, coordinates: &AffineMap, balance: &[[usize; 2]]) -> Vec<[usize; 2]> {
+        let rows = |node: usize| [0, 1, 2].map(|axis| coordinates.row(3 * node + axis));
+        let is_fixed = |node: &usize| rows(*node).iter().all(|row| row.is_empty());
+        let mut nodes = balance.iter().map(|&[node, _]| node);
+        let Some(origin) = nodes.clone().find(is_fixed).or(nodes.next()) else {
+            return Vec::new();
+        };
+        let offset =
+            |node: usize| Vector3::from([0, 1, 2].map(|i| coordinates.offset(3 * node + i)));
+        let keeps_place = |&&[node, _]: &&[usize; 2]| rows(node) == rows(origin);
+        let candidates: Vec<_> = balance.iter().filter(keeps_place).copied().collect();
+        let coefficients =
+            DMatrix::from_columns(&Vec::from_iter(candidates.iter().map(|&[node, axis]| {
+                let force = Vector3::ith(axis, 1.0);
+                let arm = (offset(node) - offset(origin)) / self.size;
+                DVector::from_iterator(6, force.iter().chain(&arm.cross(&force)).copied())
+            })));
+        let qr = coefficients.col_piv_qr();
+        let pivots = qr.r().diagonal();
+        let rank = pivots.iter().take_while(|p| p.abs() > DEPENDENT).count();
+        let mut order = RowDVector::from_iterator(candidates.len(), 0..candidates.len());
+        qr.p().permute_columns(&mut order);
+        order.iter().take(rank).map(|&i| candidates[i]).collect()
     }
 
     /// Lengths, pretension and non-linear couplings. May add links.

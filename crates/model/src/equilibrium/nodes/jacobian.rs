@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use tensegra_atlas::SparsityPattern;
 
 use super::{Density, Equation, LINK_VALUES, Link, builder::Builder};
-use crate::equilibrium::affine::AffineMap;
+use crate::equilibrium::affine::{AffineMap, AffineSums};
 
 /// What an entry of the Jacobian is made of: a function of one link's vector
 /// d = p_b − p_a, length l, density q, and s = (dq/dl) / l.
@@ -180,7 +180,7 @@ impl<'a> JacobianTerms<'a> {
     pub(super) fn finish(
         self,
         variables: usize,
-    ) -> (SparsityPattern, Vec<(usize, Atom)>, AffineMap) {
+    ) -> (SparsityPattern, Vec<(usize, Atom)>, AffineSums) {
         let mut atoms = vec![(0, Atom::One); self.atoms.len()];
         for ((link, atom), index) in self.atoms {
             atoms[index as usize - LINK_VALUES * self.links.len()] = (link, atom);
@@ -194,7 +194,7 @@ impl<'a> JacobianTerms<'a> {
             let terms = terms.into_iter().filter(|(_, c)| *c != 0.0);
             (0.0, terms.map(|(atom, c)| (atom as usize, c)).collect())
         });
-        let entries = AffineMap::from_rows(entries);
+        let entries = AffineSums::from_rows(entries);
         (
             SparsityPattern::from_rows(variables, &columns),
             atoms,

@@ -25,7 +25,10 @@ use std::cell::RefCell;
 use nalgebra::{Point3, Vector3};
 use tensegra_atlas::{ImplicitManifold, SparseRow, SparsityPattern};
 
-use super::{ElementQuantity, EquilibriumError, EquilibriumManifold, affine::AffineMap};
+use super::{
+    ElementQuantity, EquilibriumError, EquilibriumManifold,
+    affine::{AffineMap, AffineSums},
+};
 use crate::{
     configuration::Configuration,
     structure::{ForceLaw, Structure},
@@ -53,6 +56,17 @@ struct Link {
     nodes: [usize; 2],
     density: Density,
 }
+/// A node at which forces balance, along some axes at least.
+#[derive(Clone, Debug)]
+struct BalancedNode {
+    /// Its load, in the unit of the equations, padded.
+    load: [f64; NODE_VALUES],
+    /// How many links pull at it.
+    pulls: usize,
+    /// Along how many axes there is an equation.
+    axes: usize,
+}
+
 /// A residual that is not force balance.
 #[derive(Clone, Debug)]
 enum Equation {
@@ -133,18 +147,19 @@ impl LinkState {
 /// Values of each link that [`Scratch::values`] begins with: d and q.
 const LINK_VALUES: usize = 4;
 
-/// A vector with a fourth value of no meaning: two registers wide.
-type Padded = [f64; 4];
+/// Values of each node: a vector, and a fourth value of no meaning that makes it two
+/// registers wide.
+const NODE_VALUES: usize = 4;
 
 #[derive(Default)]
 struct Scratch {
-    positions: Vec<Padded>,
-    /// Force density of each link, springs apart.
-    densities: Vec<f64>,
-    /// Sum of the forces on each node.
-    forces: Vec<Padded>,
+    /// Places of nodes one after the other, then the force density of each link, springs
+    /// apart.
+    places: Vec<f64>,
     /// d and q of one link after the other, then the further atoms of the Jacobian.
     values: Vec<f64>,
+    /// Difference of two points.
+    change: Vec<f64>,
 }
 
 impl Scratch {
@@ -185,17 +200,19 @@ pub struct NodesManifold {
     raw_variables: usize,
     raw_equations: usize,
     coordinates: AffineMap,
-    /// The same, four rows a node, the fourth zero.
-    places: AffineMap,
     densities: AffineMap,
-    /// The force density of each link; zero for springs.
-    link_densities: AffineMap,
+    /// The coordinates again, four rows a node, the fourth zero; then the force density
+    /// of each link, zero for springs.
+    places: AffineSums,
     links: Vec<Link>,
     /// The links that are springs.
     springs: Vec<usize>,
-    loads: Vec<Padded>,
     /// The node and axis along which each equation of force balance holds.
     balance: Vec<[usize; 2]>,
+    /// The nodes of these equations, one after the other.
+    balanced: Vec<BalancedNode>,
+    /// The links that pull at each of them, with ± the unit of the equations.
+    pulls: Vec<(u32, f64)>,
     equations: Vec<Equation>,
     limits: Vec<Limit>,
     lower: Vec<f64>,
@@ -207,7 +224,7 @@ pub struct NodesManifold {
     /// What the Jacobian is made of besides the vectors and densities of links.
     atoms: Vec<(usize, Atom)>,
     /// The entries of the Jacobian, sums of multiples of all these.
-    entries: AffineMap,
+    entries: AffineSums,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -344,20 +361,14 @@ impl NodesManifold {
     }
 
     fn evaluate_links(&self, x: &[f64], scratch: &mut Scratch) {
-        let Scratch {
-            positions,
-            densities,
-            values,
-            ..
-        } = scratch;
-        positions.resize(self.structure.nodes.len(), [0.0; 4]);
-        self.places.values(x, positions.as_flattened_mut());
-        densities.resize(self.links.len(), 0.0);
-        self.link_densities.values(x, densities);
+        self.place_nodes(x, scratch);
+        let Scratch { places, values, .. } = scratch;
+        let (places, densities) = places.split_at(NODE_VALUES * self.structure.nodes.len());
+        let places = places.as_chunks::<NODE_VALUES>().0;
         values.resize(LINK_VALUES * self.links.len(), 0.0);
         let values = values.as_chunks_mut::<LINK_VALUES>().0;
-        for ((link, &q), values) in self.links.iter().zip(&*densities).zip(&mut *values) {
-            let [a, b] = link.nodes.map(|node| positions[node]);
+        for ((link, &q), values) in self.links.iter().zip(densities).zip(&mut *values) {
+            let [a, b] = link.nodes.map(|node| places[node]);
             *values = [b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3]];
             values[3] = q;
         }
@@ -368,6 +379,13 @@ impl NodesManifold {
                 *q = stiffness * (1.0 - rest / length);
             }
         }
+    }
+
+    /// Evaluates the places of nodes and what densities follow from no length.
+    fn place_nodes(&self, x: &[f64], scratch: &mut Scratch) {
+        let count = NODE_VALUES * self.structure.nodes.len() + self.links.len();
+        scratch.places.resize(count, 0.0);
+        self.places.values(x, &mut scratch.places);
     }
 
     /// The direction of a spring's force is undefined at length zero.
@@ -466,19 +484,21 @@ impl ImplicitManifold for NodesManifold {
         SCRATCH.with_borrow_mut(|scratch| {
             self.evaluate_links(x, scratch);
             let (balance, others) = residual.split_at_mut(self.balance.len());
-            let Scratch { forces, values, .. } = scratch;
-            forces.clear();
-            forces.extend_from_slice(&self.loads);
-            let states = values.as_chunks::<LINK_VALUES>().0;
-            for (link, state) in self.links.iter().zip(states) {
-                let [a, b] = link.nodes;
-                let pull = state.map(|d| state[3] * d);
-                forces[a] = std::array::from_fn(|axis| forces[a][axis] + pull[axis]);
-                forces[b] = std::array::from_fn(|axis| forces[b][axis] - pull[axis]);
-            }
-            let unit = 1.0 / self.force;
-            for (value, &[node, axis]) in balance.iter_mut().zip(&self.balance) {
-                *value = forces[node][axis] * unit;
+            let states = scratch.values.as_chunks::<LINK_VALUES>().0;
+            let mut pulls = self.pulls.iter();
+            let mut rows = balance.iter_mut().zip(&self.balance);
+            for node in &self.balanced {
+                let mut force = node.load;
+                for &(link, unit) in pulls.by_ref().take(node.pulls) {
+                    let state = &states[link as usize];
+                    let density = unit * state[3];
+                    for i in 0..NODE_VALUES {
+                        force[i] += density * state[i];
+                    }
+                }
+                for (value, &[_, axis]) in rows.by_ref().take(node.axes) {
+                    *value = force[axis];
+                }
             }
             let scratch = &*scratch;
             let length = |i: usize| scratch.length(i);
@@ -534,20 +554,21 @@ impl ImplicitManifold for NodesManifold {
             self.evaluate_links(x, scratch);
             for &(link, atom) in &self.atoms {
                 let (d, q) = scratch.link(link);
-                let l = square(d).sqrt();
-                let slope = || self.density_slope(link, l);
+                let square = square(d);
+                let length = || square.sqrt();
+                let slope = || self.density_slope(link, length());
                 scratch.values.push(match atom {
                     Atom::One => 1.0,
                     Atom::Density => q,
                     Atom::Vector(i) => d[i],
                     Atom::DensitySlope(i, j) => slope() * d[i] * d[j],
-                    Atom::SquaredForceByDensity => q * l * l,
-                    Atom::SquaredForceByPosition(i) => (q * q + q * l * l * slope()) * d[i],
-                    Atom::Length => l,
-                    Atom::ForceByPosition(i) => (q / l + l * slope()) * d[i],
-                    Atom::Direction(i) => d[i] / l,
+                    Atom::SquaredForceByDensity => q * square,
+                    Atom::SquaredForceByPosition(i) => (q * q + q * square * slope()) * d[i],
+                    Atom::Length => length(),
+                    Atom::ForceByPosition(i) => (q / length() + length() * slope()) * d[i],
+                    Atom::Direction(i) => d[i] / length(),
                     Atom::DirectionByPosition(i, j) => {
-                        (f64::from(u8::from(i == j)) - d[i] * d[j] / (l * l)) / l
+                        (f64::from(u8::from(i == j)) - d[i] * d[j] / square) / length()
                     }
                 });
             }
@@ -570,9 +591,15 @@ impl ImplicitManifold for NodesManifold {
     fn limits(&self, x: &[f64], values: &mut [f64]) {
         SCRATCH.with_borrow_mut(|scratch| {
             self.evaluate_links(x, scratch);
+            // Those of a link follow one after the other.
+            let (mut link, mut length, mut density) = (usize::MAX, 0.0, 0.0);
             for (limit, value) in self.limits.iter().zip(values) {
-                let length = scratch.length(limit.link);
-                *value = self.evaluate_limit(limit, length, scratch.link(limit.link).1);
+                if limit.link != link {
+                    link = limit.link;
+                    let (d, q) = scratch.link(link);
+                    (length, density) = (square(d).sqrt(), q);
+                }
+                *value = self.evaluate_limit(limit, length, density);
             }
         });
     }
@@ -618,13 +645,31 @@ impl EquilibriumManifold for NodesManifold {
 
     fn positions(&self, x: &[f64], positions: &mut [Point3<f64>]) {
         SCRATCH.with_borrow_mut(|scratch| {
-            let found = &mut scratch.positions;
-            found.resize(self.structure.nodes.len(), [0.0; 4]);
-            self.places.values(x, found.as_flattened_mut());
-            for (position, &[x, y, z, _]) in positions.iter_mut().zip(&*found) {
+            self.place_nodes(x, scratch);
+            let places = scratch.places.as_chunks::<NODE_VALUES>().0;
+            for (position, &[x, y, z, _]) in positions.iter_mut().zip(places) {
                 *position = Point3::new(x, y, z);
             }
         });
+    }
+
+    fn displacement(&self, a: &[f64], b: &[f64]) -> f64 {
+        SCRATCH.with_borrow_mut(|Scratch { places, change, .. }| {
+            change.clear();
+            change.extend(a.iter().zip(b).map(|(a, b)| b - a));
+            places.clear();
+            places.resize(
+                NODE_VALUES * self.structure.nodes.len() + self.links.len(),
+                0.0,
+            );
+            self.places.add_changes(change, places);
+            let places = places.as_chunks::<NODE_VALUES>().0;
+            let squares = places.iter().map(|&[x, y, z, _]| square([x, y, z]));
+            squares
+                .take(self.structure.nodes.len())
+                .fold(0.0, f64::max)
+                .sqrt()
+        })
     }
 
     fn pull_back(&self, _: &[f64], gradients: &[(usize, Vector3<f64>)], row: &mut SparseRow) {
@@ -673,9 +718,8 @@ impl EquilibriumManifold for NodesManifold {
             let elements = &self.structure.elements;
             let lengths: Vec<f64> = (0..elements.len()).map(|e| scratch.length(e)).collect();
             Configuration {
-                positions: scratch
-                    .positions
-                    .iter()
+                positions: (scratch.places.as_chunks::<NODE_VALUES>().0.iter())
+                    .take(self.structure.nodes.len())
                     .map(|&[x, y, z, _]| Point3::new(x, y, z))
                     .collect(),
                 rest_lengths: elements
