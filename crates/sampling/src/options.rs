@@ -56,7 +56,7 @@ pub struct PlannerOptions {
     /// the goal, with one tree) instead of at a sample.
     pub goal_bias: f64,
     /// Residual of the nodes of the trees. Those of the path returned hold to
-    /// 1e-12.
+    /// 1e-10.
     pub tolerance: f64,
     /// Whether branches slide along limits and contacts instead of stopping.
     pub slide: bool,

@@ -23,8 +23,8 @@ const BRANCH_STEP: f64 = 2.0;
 /// Points of the path lie at most this multiple of a step apart in the manifold's
 /// coordinates, forces included.
 const PATH_STEP: f64 = 1.1;
-/// Nodes of the trees hold the equations to this multiple of what is asked for;
-/// the points of the path hold them to rounding.
+/// Nodes of the trees hold the equations to this multiple of what is asked for; the
+/// points of the path hold them to less.
 const TREE_TOLERANCE: f64 = 1e5;
 
 /// A path, and how it was found.

@@ -1,5 +1,5 @@
-//! The path through the trees: points that hold the equations and limits to
-//! rounding, as close to each other as is asked for.
+//! The path through the trees: points that hold the equations and limits closely,
+//! as near to each other as is asked for.
 
 use cpu_time::ThreadTime;
 use tensegra_atlas::{ImplicitManifold, Validity, project};
@@ -10,8 +10,9 @@ use crate::{
     tree::{Tree, squared_distance},
 };
 
-/// Residual of the points of the returned path.
-const FINAL_TOLERANCE: f64 = 1e-12;
+/// Residual at which the points of the returned path are left, the last step of some
+/// unseen: an order below what is promised.
+const FINAL_TOLERANCE: f64 = 1e-11;
 /// Points are put this fraction of the longest step apart: the way along the manifold
 /// is a little longer than that along the edges.
 const SPACING: f64 = 0.98;

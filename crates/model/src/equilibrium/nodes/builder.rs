@@ -264,6 +264,7 @@ impl<'a> Builder<'a> {
             .filter(|&node| forces && s.nodes[node].balanced && loaded[node])
             .flat_map(|node| (0..s.dimension).map(move |axis| [node, axis]))
             .collect();
+        let raw_equations = conditions + balance.len() + equations.len();
         let alone = |node: usize| {
             let Node { balanced, load, .. } = &s.nodes[node];
             *load == Vector3::zeros() && (*balanced || !loaded[node])
@@ -320,7 +321,7 @@ impl<'a> Builder<'a> {
             force: self.force,
             variables,
             raw_variables: raw,
-            raw_equations: conditions + balance.len() + equations.len(),
+            raw_equations,
             coordinates,
             densities,
             places,

@@ -7,7 +7,8 @@
 //! distances, rest lengths are r = l − f/k, a spring has q = k (1 − r/l), and
 //! elements of one force share one unknown.
 //!
-//! Equations: force balance Σ q (p_b − p_a) + load = 0 at every balanced node,
+//! Equations: force balance Σ q (p_b − p_a) + load = 0 at every balanced node, but
+//! for what follows from the balance of the others where a structure stands alone;
 //! |p_a − p_b|² = L² for every element of constant length, the pretension
 //! Σ (q l)² = P², and those couplings that are not linear. Ranges of lengths,
 //! rest lengths and forces are bounds of an unknown where they can be, and
