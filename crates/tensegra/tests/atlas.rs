@@ -127,6 +127,19 @@ fn the_prism_with_its_box_is_planned_on_its_atlas() {
 }
 
 #[test]
+fn queries_are_answered_whatever_the_radius() {
+    let mut problem = problem("prism.toml");
+    // Of large charts, some are reached on ways that graze a limit.
+    for radius in [0.1, 0.3, 0.737, 1.5, 3.0] {
+        problem.settings.chart_radius = radius;
+        let atlas = tensegra::explore(&problem, &mut ()).unwrap();
+        let answer = atlas.answer(&problem).unwrap();
+        let report = check_path(&problem, &answer.path, &CheckOptions::default());
+        assert!(report.ok, "{radius}: {report}");
+    }
+}
+
+#[test]
 fn atlas_files_that_contradict_themselves_are_refused() {
     let problem = problem("free_prism.toml");
     let mut limited = problem.clone();

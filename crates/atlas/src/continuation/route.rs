@@ -3,15 +3,21 @@
 //! A* over the centres, with the distance in the ambient space as cost and as
 //! bound of what is left. A way between two centres is only tested when the search
 //! takes it. The ways by which charts were reached are valid, so that any two
-//! charts are connected. Cost: one test for each chart that the search looks at.
+//! charts are connected; where such a way breaks a limit between the points at which
+//! it was tested, it is led along the limit. Cost: one test for each chart that the
+//! search looks at.
 
 use std::{cmp::Ordering, collections::BinaryHeap};
 
 use crate::{
     atlas::squared_distance,
-    chart::Workspace,
-    continuation::{border::broken_limit, component::ComponentAtlas, interpolate, settle},
-    manifold::ImplicitManifold,
+    chart::{Chart, Workspace},
+    continuation::{
+        border::{Border, broken_limit},
+        component::ComponentAtlas,
+        interpolate, settle,
+    },
+    manifold::{ImplicitManifold, SparseRow},
     validity::Validity,
 };
 
@@ -19,6 +25,11 @@ use crate::{
 const LONGEST: f64 = 2.0;
 /// Halvings of the step towards the largest displacement.
 const HALVINGS: usize = 8;
+/// Corrections of a point that breaks limits.
+const CORRECTIONS: usize = 8;
+/// A correction aims this far inside a limit, and this fraction of the violation farther.
+const INSIDE: f64 = 1e-6;
+const OVERSHOOT: f64 = 0.2;
 
 /// How fine a route is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -312,19 +323,66 @@ impl<M: ImplicitManifold + ?Sized, V: Validity> RouteSearch<'_, M, V> {
                 let node = if 2 * step <= steps { from } else { to };
                 let chart = self.atlas.chart(self.chart_of(node));
                 let tolerance = self.options.tolerance;
-                if !settle(chart, self.manifold, &mut x, tolerance, &mut self.work) {
+                if !settle(chart, self.manifold, &mut x, tolerance, &mut self.work)
+                    || !self.bring_inside(chart, &mut x)
+                {
                     return None;
                 }
             }
             let previous = way.last().unwrap_or(&a);
-            if squared_distance(previous, &x) > longest * longest
-                || broken_limit(self.manifold, &x).is_some()
-            {
+            if squared_distance(previous, &x) > longest * longest {
                 return None;
             }
             way.push(x);
         }
         Some(way)
+    }
+
+    /// Moves a point along the manifold until it breaks no limit, by the one that it
+    /// breaks the most after the other. `false` where this does not help.
+    fn bring_inside(&mut self, chart: &Chart, x: &mut [f64]) -> bool {
+        let manifold = self.manifold;
+        for _ in 0..CORRECTIONS {
+            let Some(border) = broken_limit(manifold, x) else {
+                return true;
+            };
+            let mut gradient = SparseRow::default();
+            let value = match border {
+                Border::Lower(i) => {
+                    gradient.add(i, 1.0);
+                    x[i] - manifold.lower_bounds()[i]
+                }
+                Border::Upper(i) => {
+                    gradient.add(i, -1.0);
+                    manifold.upper_bounds()[i] - x[i]
+                }
+                Border::Limit(i) => {
+                    manifold.limit_gradient(i, x, &mut gradient);
+                    manifold.limit(i, x)
+                }
+                _ => return false,
+            };
+            let pattern = manifold.jacobian_pattern();
+            let mut jacobian = vec![0.0; pattern.len()];
+            manifold.jacobian(x, &mut jacobian);
+            let mut along = vec![0.0; chart.dimension()];
+            chart.pull_back(pattern, &jacobian, &gradient, &mut Vec::new(), &mut along);
+            let square: f64 = along.iter().map(|g| g * g).sum();
+            let step = (INSIDE - (1.0 + OVERSHOOT) * value) / square;
+            if !step.is_finite() {
+                return false;
+            }
+            for (j, g) in along.iter().enumerate() {
+                for (x, v) in x.iter_mut().zip(chart.tangent(j)) {
+                    *x += step * g * v;
+                }
+            }
+            let tolerance = self.options.tolerance;
+            if !settle(chart, manifold, x, tolerance, &mut self.work) {
+                return false;
+            }
+        }
+        broken_limit(manifold, x).is_none()
     }
 
     fn is_valid(&mut self, from: usize, to: usize, way: &[Vec<f64>]) -> bool {
