@@ -17,7 +17,7 @@ use crate::{
 /// Draws of a sample before one outside its chart's domain is taken.
 const DRAWS: usize = 20;
 /// Nodes of a branch that are tried as origin of a connection.
-const CONNECTION_CANDIDATES: usize = 3;
+const CONNECTION_CANDIDATES: usize = 2;
 /// Connections in a row that added no node, after which every second one begins at
 /// a random node.
 const STUCK: usize = 16;
@@ -333,7 +333,7 @@ impl<'p, M: ImplicitManifold + ?Sized, V: Validity> Search<'p, M, V> {
         let candidates = count.min(CONNECTION_CANDIDATES);
         let mut best = (f64::INFINITY, 0, 0);
         for i in 0..candidates {
-            // The last nodes of the branch and evenly spaced ones before.
+            // The last node of the branch and one halfway.
             let node = branch.last - i * count / candidates;
             let point = self.trees[tree].point(node);
             let nearer = if self.trees.len() == 2 {
