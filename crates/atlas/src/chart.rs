@@ -30,6 +30,9 @@ pub(crate) const SINGULAR_PIVOT: f64 = 1e-7;
 const POOR_CONTRACTION: f64 = 0.7;
 /// Contraction from which the next iteration's is foreseen, and the room for error then.
 const SURE_CONTRACTION: f64 = 0.1;
+/// Who asks for residuals below this gets none that is only foreseen: near singular
+/// points one contraction may be much better than those that follow.
+const FORESEEN: f64 = 1e-6;
 
 /// Memory that the operations of charts share; one for each thread.
 #[derive(Clone, Debug, Default)]
@@ -322,7 +325,8 @@ impl Chart {
             // Convergence is superlinear: where the last contraction, repeated, goes far
             // enough, the residual after the step need not be looked at.
             let contraction = size / previous;
-            let last = previous.is_finite()
+            let last = tolerance >= FORESEEN
+                && previous.is_finite()
                 && contraction < SURE_CONTRACTION
                 && contraction * size <= SURE_CONTRACTION * tolerance
                 && all_hold(work);

@@ -10,9 +10,8 @@ use crate::{
     tree::{Tree, squared_distance},
 };
 
-/// Residual at which the points of the returned path are left, the last step of some
-/// unseen: an order below what is promised.
-const FINAL_TOLERANCE: f64 = 1e-11;
+/// Residual of the points of the returned path.
+const FINAL_TOLERANCE: f64 = 1e-10;
 /// Points are put this fraction of the longest step apart: the way along the manifold
 /// is a little longer than that along the edges.
 const SPACING: f64 = 0.98;
