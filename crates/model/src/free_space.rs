@@ -42,7 +42,8 @@ const FORCE_DEVIATION: f64 = 0.01;
 /// Points move at most this much farther than the distance between samples.
 const CURVATURE_FACTOR: f64 = 1.1;
 /// In a tree, the motion is taken to stray from the linear one by this fraction of
-/// the displacement.
+/// the displacement; for whoever returns to the manifold in a way of their own, by no
+/// less: it may bend to one side and the other with the middle on the straight line.
 const PROBABLE_STRAY: f64 = 0.005;
 /// Halvings of a step.
 const HALVINGS: usize = 5;
@@ -236,6 +237,13 @@ struct State {
 struct Displacements {
     capsules: Vec<f64>,
     attached: Vec<f64>,
+}
+
+impl Displacements {
+    fn largest(&self) -> f64 {
+        let all = self.capsules.iter().chain(&self.attached);
+        all.copied().fold(0.0, f64::max)
+    }
 }
 
 /// Memory of the test of a step.
@@ -890,7 +898,13 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
         strays.extend(capsules.map(|((a, b), m)| {
             let first = (m.a - nalgebra::center(&a.a, &b.a)).norm();
             let last = (m.b - nalgebra::center(&a.b, &b.b)).norm();
-            first.max(last).max(whole)
+            let stray = first.max(last).max(whole);
+            if robust {
+                let moved = (b.a - a.a).norm().max((b.b - a.b).norm());
+                stray.max(PROBABLE_STRAY * moved)
+            } else {
+                stray
+            }
         }));
         open.clear();
         for &doubt in doubts {
@@ -1024,7 +1038,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             let middle = &mut middles[0].x;
             match self.stray(&from.state.x, x, middle, between) {
                 Some(stray) if self.forces_are_linear(&from.state, middle, state, strengths) => {
-                    self.least + DEVIATION_FACTOR * stray
+                    self.least + DEVIATION_FACTOR * stray.max(PROBABLE_STRAY * moved.largest())
                 }
                 _ => return Err(Obstruction::Blocked),
             }
