@@ -535,7 +535,7 @@ impl Scene {
         moved.capsules.clear();
         moved
             .capsules
-            .extend(capsules.map(|(a, b)| (b.a - a.a).norm().max((b.b - a.b).norm())));
+            .extend(capsules.map(|(a, b)| farthest_end(a, b)));
         let middles = a.middles.iter().zip(&b.middles);
         moved.attached.clear();
         moved
@@ -600,6 +600,11 @@ impl Scene {
             _ => false,
         }
     }
+}
+
+/// How far the ends of a capsule's axis move at most.
+fn farthest_end(from: &Capsule, to: &Capsule) -> f64 {
+    (to.a - from.a).norm().max((to.b - from.b).norm())
 }
 
 /// The capsules of an element: struts and bars inset by one radius at both
@@ -900,8 +905,7 @@ impl<'a, M: EquilibriumManifold + ?Sized> FreeSpace<'a, M> {
             let last = (m.b - nalgebra::center(&a.b, &b.b)).norm();
             let stray = first.max(last).max(whole);
             if robust {
-                let moved = (b.a - a.a).norm().max((b.b - a.b).norm());
-                stray.max(PROBABLE_STRAY * moved)
+                stray.max(PROBABLE_STRAY * farthest_end(a, b))
             } else {
                 stray
             }

@@ -76,6 +76,11 @@ impl AffineSums {
         sums
     }
 
+    /// Number of rows.
+    pub(super) fn len(&self) -> usize {
+        self.offsets.len()
+    }
+
     /// The values of all rows at z.
     #[inline]
     pub(super) fn values(&self, z: &[f64], values: &mut [f64]) {

@@ -57,6 +57,7 @@ struct Link {
     nodes: [usize; 2],
     density: Density,
 }
+
 /// A node at which forces balance, along some axes at least.
 #[derive(Clone, Debug)]
 struct BalancedNode {
@@ -384,9 +385,16 @@ impl NodesManifold {
 
     /// Evaluates the places of nodes and what densities follow from no length.
     fn place_nodes(&self, x: &[f64], scratch: &mut Scratch) {
-        let count = NODE_VALUES * self.structure.nodes.len() + self.links.len();
-        scratch.places.resize(count, 0.0);
+        scratch.places.resize(self.places.len(), 0.0);
         self.places.values(x, &mut scratch.places);
+    }
+
+    /// The vectors of the nodes among all places.
+    fn node_vectors(&self, places: &[f64]) -> impl Iterator<Item = [f64; 3]> {
+        let vectors = places.as_chunks::<NODE_VALUES>().0.iter();
+        vectors
+            .take(self.structure.nodes.len())
+            .map(|&[x, y, z, _]| [x, y, z])
     }
 
     /// The direction of a spring's force is undefined at length zero.
@@ -647,9 +655,9 @@ impl EquilibriumManifold for NodesManifold {
     fn positions(&self, x: &[f64], positions: &mut [Point3<f64>]) {
         SCRATCH.with_borrow_mut(|scratch| {
             self.place_nodes(x, scratch);
-            let places = scratch.places.as_chunks::<NODE_VALUES>().0;
-            for (position, &[x, y, z, _]) in positions.iter_mut().zip(places) {
-                *position = Point3::new(x, y, z);
+            let vectors = self.node_vectors(&scratch.places);
+            for (position, vector) in positions.iter_mut().zip(vectors) {
+                *position = vector.into();
             }
         });
     }
@@ -659,17 +667,10 @@ impl EquilibriumManifold for NodesManifold {
             change.clear();
             change.extend(a.iter().zip(b).map(|(a, b)| b - a));
             places.clear();
-            places.resize(
-                NODE_VALUES * self.structure.nodes.len() + self.links.len(),
-                0.0,
-            );
+            places.resize(self.places.len(), 0.0);
             self.places.add_changes(change, places);
-            let places = places.as_chunks::<NODE_VALUES>().0;
-            let squares = places.iter().map(|&[x, y, z, _]| square([x, y, z]));
-            squares
-                .take(self.structure.nodes.len())
-                .fold(0.0, f64::max)
-                .sqrt()
+            let squares = self.node_vectors(places).map(square);
+            squares.fold(0.0, f64::max).sqrt()
         })
     }
 
@@ -719,9 +720,9 @@ impl EquilibriumManifold for NodesManifold {
             let elements = &self.structure.elements;
             let lengths: Vec<f64> = (0..elements.len()).map(|e| scratch.length(e)).collect();
             Configuration {
-                positions: (scratch.places.as_chunks::<NODE_VALUES>().0.iter())
-                    .take(self.structure.nodes.len())
-                    .map(|&[x, y, z, _]| Point3::new(x, y, z))
+                positions: self
+                    .node_vectors(&scratch.places)
+                    .map(Point3::from)
                     .collect(),
                 rest_lengths: elements
                     .iter()
